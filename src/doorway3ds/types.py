@@ -1,0 +1,162 @@
+"""What flows from one stage to the next: frozen values, no behaviour beyond checks.
+
+Frames, units and signs are those of docs/architecture.md: pixels count from the centre
+of the top-left pixel, angles are degrees (bearing + left, elevation and pitch + up),
+distances metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.camera import Camera, Pose
+
+FloatArray = NDArray[np.floating[Any]]
+
+
+class Reason(StrEnum):
+    """Why the robot should turn, or why not. The first that holds is given."""
+
+    NO_DOOR = "no_door"  # no open doorway is seen
+    BLOCKED = "blocked"  # a doorway is seen, and something stands in the way to it
+    UNSURE = "unsure"  # cut by the picture's edge, low score, or too much unseen floor
+    ALIGNED = "aligned"  # the robot already faces the doorway
+    TURN = "turn"  # turn by `turn_deg`
+    LOST = "lost"  # live use: the tracked doorway or the camera is gone
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One picture with the camera that took it.
+
+    image: (H, W, 3) uint8 RGB, H and W equal to the camera's.
+    stamp_s: time of exposure in seconds, any fixed origin.
+    """
+
+    image: NDArray[np.uint8]
+    camera: Camera
+    pose: Pose = Pose()
+    stamp_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.image.dtype != np.uint8 or self.image.ndim != 3 or self.image.shape[2] != 3:
+            raise ValueError(
+                f"a frame's image must be (H, W, 3) uint8 RGB, "
+                f"got {self.image.shape} {self.image.dtype}"
+            )
+        height, width = self.image.shape[:2]
+        if (width, height) != (self.camera.width, self.camera.height):
+            raise ValueError(
+                f"the image is {width}x{height} but the camera is for "
+                f"{self.camera.width}x{self.camera.height}; use camera.scaled_to(width, height)"
+            )
+
+
+@dataclass(frozen=True)
+class ColumnVotes:
+    """What a network says of each of N equal strips of columns across the picture.
+
+    score: (N,) probability that the strip, at mid-height, looks through an open doorway.
+    left_px, right_px: (N,) where that doorway begins and ends, as columns of the whole
+    picture at mid-height, if there is one here; clipped to the picture's edges
+    (-0.5 and W - 0.5).
+    """
+
+    score: FloatArray
+    left_px: FloatArray
+    right_px: FloatArray
+
+    def __post_init__(self) -> None:
+        shapes = {self.score.shape, self.left_px.shape, self.right_px.shape}
+        if len(shapes) != 1 or self.score.ndim != 1:
+            raise ValueError(f"column votes must be three (N,) arrays of one length, got {shapes}")
+
+
+@dataclass(frozen=True)
+class Perception:
+    """What the networks see, before any geometry.
+
+    p_open: calibrated probability that an open doorway is in the picture.
+    columns: votes for openings, or None where the network gives none.
+    depth_m: (h, w) float32 metres along the optical axis, covering the whole picture at any
+        size; nan = unknown. None where the network gives none.
+    floor: (h, w) float32 probability of floor, covering the whole picture, or None.
+    depth_error: relative standard deviation of depth_m; 0 for true depth.
+    """
+
+    p_open: float
+    columns: ColumnVotes | None = None
+    depth_m: NDArray[np.float32] | None = None
+    floor: NDArray[np.float32] | None = None
+    depth_error: float = 0.0
+    network: str = "truth"
+    timings_ms: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Opening:
+    """One candidate doorway as seen from the robot's turning axis.
+
+    left_px, right_px: its columns at mid-height of the picture.
+    range_m: horizontal distance to the middle of the threshold, None where unknown.
+    cut: side of the picture that cuts it (None, "left", "right", "both"); its bearing is
+        then the middle of the visible part.
+    """
+
+    left_px: float
+    right_px: float
+    left_deg: float
+    right_deg: float
+    bearing_deg: float
+    range_m: float | None
+    score: float
+    cut: str | None
+
+    def to_dict(self) -> dict[str, Any]:
+        keys = ("left_deg", "right_deg", "bearing_deg", "range_m", "score", "cut")
+        return {key: getattr(self, key) for key in keys}
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Where to go by geometry alone, before the gates.
+
+    openings: candidates, best first (the `opening` method; empty for `paper`).
+    pixel: (row, column) aimed at, in the picture's pixels, or None.
+    clear: True, False, or None where the floor was not seen at all.
+    floor_from_m: horizontal distance from which on the floor is in view, None if not seen.
+    unsure: why the geometry would abstain, in words, or None; `look` is then the side to
+        look to ("left", "right") or None.
+    evidence: method-specific numbers: the paper's pixels, or the way's (corridor, obstacle).
+    """
+
+    bearing_deg: float | None
+    range_m: float | None
+    pixel: tuple[int, int] | None
+    clear: bool | None
+    floor_from_m: float | None = None
+    openings: tuple[Opening, ...] = ()
+    unsure: str | None = None
+    look: str | None = None
+    evidence: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Decision:
+    """The answer for one picture. `to_dict` is the JSON contract."""
+
+    reason: Reason
+    turn_deg: float | None
+    p_open: float
+    open: bool
+    selection: Selection
+    perception: Perception
+    frame: Frame
+    method: str
+    timings_ms: Mapping[str, float] = field(default_factory=dict)
