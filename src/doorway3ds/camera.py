@@ -1,13 +1,48 @@
-"""Camera intrinsics and pose (skeleton: the geometry helper owns and completes this file)."""
+"""Cameras: intrinsics, distortion, pose on the robot, and pixel <-> ray <-> bearing.
+
+Pixels count from the centre of the top-left pixel. The camera frame is x right, y down,
+z forward; the robot frame is x forward, y left, z up, with its origin on the floor under the
+turning axis. Bearings are + left, elevations and camera pitch + up, all in degrees.
+
+Fields of view of the presets, each of a 640x480 picture:
+
+- NAO V4/V5 (MT9M114): 60.9 x 47.6 deg, top camera 0.05871 m in front of and 0.06364 m above
+  the neck joint, tilted 0.0209 rad down.
+  http://doc.aldebaran.com/2-0/family/robots/video_robot.html
+- NAO V6 (OV5640): 56.3 x 43.7 deg, mounted as in V5.
+  http://doc.aldebaran.com/2-8/family/nao_technical/video_naov6.html
+- Pepper (OV5640): 56.3 x 43.7 deg, top camera 0.0868 m in front of and 0.1631 m above the neck
+  joint, not tilted. (NAOqi 2.0's page prints 57.2 x 44.3 deg; 2.4 and later correct it.)
+  http://doc.aldebaran.com/2-8/family/pepper_technical/video_2D_pep.html,
+  http://doc.aldebaran.com/2-4/family/pepper_technical/video_pep.html
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from doorway3ds.errors import UserError
+
+Array = NDArray[np.float64]
+
+ASSUMED_FOV_DEG = 60.9
+"""Field of view across the longer side of a picture whose camera is unknown (NAO's)."""
 
 
 @dataclass(frozen=True)
 class Camera:
-    """Intrinsics of a pinhole camera with OpenCV plumb_bob distortion, for one picture size."""
+    """Intrinsics of a pinhole camera with OpenCV plumb_bob distortion, for one picture size.
+
+    fx, fy, cx, cy: pixels. distortion: k1, k2, p1, p2, k3.
+    assumed: nobody gave this camera; it was guessed from EXIF or a default.
+    """
 
     name: str
     width: int
@@ -19,10 +54,95 @@ class Camera:
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
     assumed: bool = False
 
+    def __post_init__(self) -> None:
+        if self.width < 1 or self.height < 1:
+            raise ValueError(
+                f"a camera's picture has at least 1x1 pixels, got {self.width}x{self.height}"
+            )
+        values = (self.fx, self.fy, self.cx, self.cy, *self.distortion)
+        if len(self.distortion) != 5 or not all(math.isfinite(v) for v in values):
+            raise ValueError(
+                "a camera has finite fx, fy, cx, cy and five distortion coefficients "
+                f"(k1, k2, p1, p2, k3), got {values}"
+            )
+        if self.fx <= 0 or self.fy <= 0:
+            raise ValueError(f"focal lengths are positive, got fx={self.fx}, fy={self.fy}")
+
+    @classmethod
+    def from_fov(
+        cls,
+        width: int,
+        height: int,
+        hfov_deg: float,
+        vfov_deg: float | None = None,
+        name: str = "field of view",
+        assumed: bool = False,
+    ) -> Camera:
+        """A centred camera without distortion; square pixels unless `vfov_deg` is given."""
+        for fov in (hfov_deg, vfov_deg):
+            if fov is not None and not 0 < fov < 180:
+                raise UserError(f"a field of view lies between 0 and 180 deg, got {fov:g}")
+        fx = width / 2 / math.tan(math.radians(hfov_deg) / 2)
+        fy = fx if vfov_deg is None else height / 2 / math.tan(math.radians(vfov_deg) / 2)
+        return cls(name, width, height, fx, fy, (width - 1) / 2, (height - 1) / 2, assumed=assumed)
+
+    @property
+    def hfov_deg(self) -> float:
+        """Horizontal angle between the picture's left and right edge through (cx, cy)."""
+        rays = pixel_to_ray(self, [(-0.5, self.cy), (self.width - 0.5, self.cy)])
+        left, right = np.degrees(np.arctan(rays[:, 0]))
+        return float(right - left)
+
+    @property
+    def vfov_deg(self) -> float:
+        """Vertical angle between the picture's upper and lower edge through (cx, cy)."""
+        rays = pixel_to_ray(self, [(self.cx, -0.5), (self.cx, self.height - 0.5)])
+        top, bottom = np.degrees(np.arctan(rays[:, 1]))
+        return float(bottom - top)
+
+    def scaled_to(self, width: int, height: int) -> Camera:
+        """The same camera for its picture resized to another size of the same aspect.
+
+        Raises UserError where the aspects differ by more than the rounding of one side.
+        """
+        off_width = abs(width - self.width * height / self.height)
+        off_height = abs(height - self.height * width / self.width)
+        if min(off_width, off_height) >= 1:
+            raise UserError(
+                f"camera '{self.name}' is for {self.width}x{self.height} pictures and the picture "
+                f"is {width}x{height}, another aspect; give a camera calibrated at this aspect"
+            )
+        return self.stretched_to(width, height)
+
+    def stretched_to(self, width: int, height: int) -> Camera:
+        """The same camera for its picture resized to any size, each axis by its own factor."""
+        if (width, height) == (self.width, self.height):
+            return self
+        sx, sy = width / self.width, height / self.height
+        return replace(
+            self,
+            width=width,
+            height=height,
+            fx=self.fx * sx,
+            fy=self.fy * sy,
+            cx=(self.cx + 0.5) * sx - 0.5,
+            cy=(self.cy + 0.5) * sy - 0.5,
+        )
+
+    def mirrored(self) -> Camera:
+        """The camera whose picture is this one's, flipped left to right."""
+        k1, k2, p1, p2, k3 = self.distortion
+        return replace(self, cx=self.width - 1 - self.cx, distortion=(k1, k2, p1, -p2, k3))
+
 
 @dataclass(frozen=True)
 class Pose:
-    """Where the camera sits on the robot; height None = unknown (hand-held)."""
+    """Where the camera sits on the robot.
+
+    height_m: of the lens above the floor, None = unknown (hand-held).
+    pitch_deg: + up. yaw_deg: + left. roll_deg: + right side down.
+    forward_m, left_m: of the lens from the turning axis.
+    """
 
     height_m: float | None = None
     pitch_deg: float = 0.0
@@ -30,3 +150,218 @@ class Pose:
     roll_deg: float = 0.0
     forward_m: float = 0.0
     left_m: float = 0.0
+
+    def mirrored(self) -> Pose:
+        """The pose that goes with a picture flipped left to right."""
+        return replace(self, yaw_deg=-self.yaw_deg, roll_deg=-self.roll_deg, left_m=-self.left_m)
+
+
+# Heights with legs straight. NAO: foot 0.045 + tibia 0.103 + thigh 0.100 + hip 0.085 + neck
+# 0.1265 + camera 0.0636 m (doc.aldebaran.com/2-8/family/nao_technical/links_naov6.html).
+# Pepper: torso 0.820 + neck 0.170 + camera 0.163 m; the neck stands 0.038 m behind the torso.
+_NAO_POSE = Pose(height_m=0.52, pitch_deg=-1.2, forward_m=0.059)
+PRESETS: dict[str, tuple[Camera, Pose]] = {
+    "nao-v5-top": (Camera.from_fov(640, 480, 60.9, 47.6, "nao-v5-top"), _NAO_POSE),
+    "nao-v6-top": (Camera.from_fov(640, 480, 56.3, 43.7, "nao-v6-top"), _NAO_POSE),
+    "pepper-top": (
+        Camera.from_fov(640, 480, 56.3, 43.7, "pepper-top"),
+        Pose(height_m=1.15, forward_m=0.049),
+    ),
+}
+
+
+def preset(name: str, width: int, height: int) -> tuple[Camera, Pose]:
+    """The preset's camera for a picture of this size, and its pose with the head at zero."""
+    if name not in PRESETS:
+        raise UserError(f"no camera preset '{name}'; there are {', '.join(sorted(PRESETS))}")
+    camera, pose = PRESETS[name]
+    return camera.scaled_to(width, height), pose
+
+
+def default_camera(width: int, height: int, focal_35mm: float | None = None) -> Camera:
+    """A guess for a picture whose camera is unknown; its name says where it comes from.
+
+    focal_35mm: EXIF's 35 mm equivalent focal length, taken over the longer side of 36 mm.
+    """
+    longer = max(width, height)
+    if focal_35mm is not None and math.isfinite(focal_35mm) and focal_35mm > 0:
+        focal, name = longer * focal_35mm / 36, f"EXIF {focal_35mm:g} mm"
+    else:
+        focal = longer / 2 / math.tan(math.radians(ASSUMED_FOV_DEG) / 2)
+        name = f"assumed {ASSUMED_FOV_DEG} deg"
+    return Camera(
+        name, width, height, focal, focal, (width - 1) / 2, (height - 1) / 2, assumed=True
+    )
+
+
+def read_camera_info(path: str | Path) -> Camera:
+    """Read a ROS `camera_info` YAML; rectification and projection matrices are not needed.
+
+    Raises UserError where the file is missing, damaged or of another distortion model.
+    """
+    import yaml
+
+    def wrong(what: str) -> UserError:
+        return UserError(f"{path} is no usable camera_info file: {what}")
+
+    try:
+        info = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError(f"cannot read the camera file {path}: {error.strerror}") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise wrong("it is not YAML text") from error
+    if not isinstance(info, dict):
+        raise wrong("expected image_width, image_height, camera_matrix and more by name")
+    model = info.get("distortion_model", "plumb_bob")
+    if model != "plumb_bob":
+        raise wrong(f"distortion_model must be plumb_bob, got {model!r}")
+    try:
+        width, height = int(info["image_width"]), int(info["image_height"])
+        matrix = [float(v) for v in info["camera_matrix"]["data"]]
+        coefficients = [float(v) for v in info["distortion_coefficients"]["data"]]
+    except KeyError as error:
+        raise wrong(f"{error.args[0]} is missing") from error
+    except (TypeError, ValueError) as error:
+        raise wrong(f"expected numbers ({error})") from error
+    if len(matrix) != 9:
+        raise wrong(f"camera_matrix has 9 numbers, got {len(matrix)}")
+    if len(coefficients) not in (0, 4, 5):
+        raise wrong(f"plumb_bob has 4 or 5 coefficients, got {len(coefficients)}")
+    k1, k2, p1, p2, k3 = (*coefficients, *[0.0] * (5 - len(coefficients)))
+    name = str(info.get("camera_name") or Path(path).stem)
+    try:
+        return Camera(
+            name, width, height, matrix[0], matrix[4], matrix[2], matrix[5], (k1, k2, p1, p2, k3)
+        )
+    except ValueError as error:
+        raise wrong(str(error)) from error
+
+
+def write_camera_info(camera: Camera, path: str | Path) -> None:
+    """Write a ROS `camera_info` YAML that `read_camera_info` and ROS's camera drivers read."""
+    import yaml
+
+    def matrix(rows: int, data: list[float]) -> dict[str, Any]:
+        return {"rows": rows, "cols": len(data) // rows, "data": [float(v) for v in data]}
+
+    fx, fy, cx, cy = camera.fx, camera.fy, camera.cx, camera.cy
+    info = {
+        "image_width": camera.width,
+        "image_height": camera.height,
+        "camera_name": camera.name,
+        "camera_matrix": matrix(3, [fx, 0, cx, 0, fy, cy, 0, 0, 1]),
+        "distortion_model": "plumb_bob",
+        "distortion_coefficients": matrix(1, list(camera.distortion)),
+        "rectification_matrix": matrix(3, [1, 0, 0, 0, 1, 0, 0, 0, 1]),
+        "projection_matrix": matrix(3, [fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0]),
+    }
+    text = yaml.safe_dump(info, sort_keys=False, default_flow_style=None)
+    Path(path).write_text(text, encoding="utf-8")
+
+
+def _distort(
+    x: Array, y: Array, coefficients: tuple[float, ...]
+) -> tuple[Array, Array, Array, Array, Array]:
+    """plumb_bob: distorted x and y, and the derivatives dx/dx, dx/dy (= dy/dx), dy/dy."""
+    k1, k2, p1, p2, k3 = coefficients
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    slope = 2 * (k1 + r2 * (2 * k2 + 3 * k3 * r2))  # d radial / d r2, times 2
+    xd = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+    yd = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+    dxx = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x
+    dxy = slope * x * y + 2 * p1 * x + 2 * p2 * y
+    dyy = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
+    return xd, yd, dxx, dxy, dyy
+
+
+def pixel_to_ray(camera: Camera, xy: ArrayLike) -> Array:
+    """Camera-frame rays with z = 1 through pixels `xy` (..., 2), as (..., 3)."""
+    xy = np.asarray(xy, dtype=np.float64)
+    xd = (xy[..., 0] - camera.cx) / camera.fx
+    yd = (xy[..., 1] - camera.cy) / camera.fy
+    x, y = xd, yd
+    if any(camera.distortion):
+        for _ in range(20):  # Newton's method; 3 to 5 rounds for ordinary lenses
+            xe, ye, dxx, dxy, dyy = _distort(x, y, camera.distortion)
+            ex, ey = xe - xd, ye - yd
+            determinant = dxx * dyy - dxy * dxy
+            step_x = (dyy * ex - dxy * ey) / determinant
+            step_y = (dxx * ey - dxy * ex) / determinant
+            x, y = x - step_x, y - step_y
+            if max(np.abs(step_x).max(initial=0), np.abs(step_y).max(initial=0)) < 1e-12:
+                break
+    return np.stack([x, y, np.ones_like(x)], axis=-1)
+
+
+def ray_to_pixel(camera: Camera, rays: ArrayLike) -> Array:
+    """Pixels (..., 2) where camera-frame rays (..., 3) fall; nan behind the camera."""
+    rays = np.asarray(rays, dtype=np.float64)
+    z = np.where(rays[..., 2] > 0, rays[..., 2], np.nan)
+    x, y = rays[..., 0] / z, rays[..., 1] / z
+    x, y = _distort(x, y, camera.distortion)[:2]
+    return np.stack([x * camera.fx + camera.cx, y * camera.fy + camera.cy], axis=-1)
+
+
+def rotation(pose: Pose) -> Array:
+    """(3, 3) matrix that takes camera-frame vectors into the robot frame."""
+    yaw, pitch, roll = np.radians([pose.yaw_deg, pose.pitch_deg, pose.roll_deg])
+    cy, sy = np.cos(yaw), np.sin(yaw)
+    cp, sp = np.cos(pitch), np.sin(pitch)
+    cr, sr = np.cos(roll), np.sin(roll)
+    turn = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    nod = np.array([[cp, 0, -sp], [0, 1, 0], [sp, 0, cp]])  # + up: REP-103's turn about y, negated
+    tilt = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    axes = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
+    return np.asarray(turn @ nod @ tilt @ axes, dtype=np.float64)
+
+
+def bearing_elevation(vectors_robot: ArrayLike) -> tuple[Array, Array]:
+    """Bearing (+ left) and elevation (+ up) in degrees of robot-frame vectors (..., 3)."""
+    x, y, z = np.moveaxis(np.asarray(vectors_robot, dtype=np.float64), -1, 0)
+    return np.degrees(np.arctan2(y, x)), np.degrees(np.arctan2(z, np.hypot(x, y)))
+
+
+def bearing_of_pixel(
+    camera: Camera, pose: Pose, xy: ArrayLike, range_m: ArrayLike | None = None
+) -> Array:
+    """Bearing in degrees about the turning axis of what pixels `xy` (..., 2) show.
+
+    range_m: horizontal distance from the turning axis to what is seen. Without it (None, nan,
+    or nearer than the ray ever comes) it counts as far away: the ray's own direction.
+    """
+    direction = pixel_to_ray(camera, xy) @ rotation(pose).T
+    bearing = bearing_elevation(direction)[0]
+    if range_m is None or (pose.forward_m == 0 and pose.left_m == 0):
+        return bearing
+    offset = np.array([pose.forward_m, pose.left_m])
+    flat = direction[..., :2] / np.linalg.norm(direction[..., :2], axis=-1, keepdims=True)
+    along = flat @ offset
+    square = along**2 - offset @ offset + np.asarray(range_m, dtype=np.float64) ** 2
+    reach = -along + np.sqrt(np.where(square > 0, square, np.nan))
+    point = offset + reach[..., None] * flat
+    seen = np.degrees(np.arctan2(point[..., 1], point[..., 0]))
+    return np.where(reach > 0, seen, bearing)
+
+
+@lru_cache(maxsize=8)
+def _grid_rays(camera: Camera) -> Array:
+    """(3, H * W) camera-frame rays of every pixel; cached, as a robot's camera stays the same."""
+    x, y = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    rays = np.ascontiguousarray(pixel_to_ray(camera, np.stack([x, y], -1)).reshape(-1, 3).T)
+    rays.flags.writeable = False
+    return rays
+
+
+def back_project(camera: Camera, pose: Pose, depth: ArrayLike) -> Array:
+    """Points (h, w, 3) in the robot frame from depth (h, w) in metres along the optical axis.
+
+    The map covers the camera's whole picture at any size. Where the pose's height is unknown, z
+    counts from the lens instead of the floor. nan stays nan.
+    """
+    depth = np.asarray(depth, dtype=np.float64)
+    height, width = depth.shape
+    rays = rotation(pose) @ _grid_rays(camera.stretched_to(width, height))
+    points = rays * depth.reshape(-1)
+    points += np.array([[pose.forward_m], [pose.left_m], [pose.height_m or 0.0]])
+    return points.T.reshape(height, width, 3)
