@@ -1,4 +1,4 @@
-"""The one exception that people are meant to read."""
+"""The exceptions that people are meant to read."""
 
 from __future__ import annotations
 
@@ -7,5 +7,9 @@ class UserError(Exception):
     """A mistake or circumstance the user can put right.
 
     Its message is one line: what was expected, what came, what to do. Commands print the
-    message without a traceback.
+    message without a traceback and end with status 1.
     """
+
+
+class CallError(UserError):
+    """The call itself is wrong (an option, a name, a combination): status 2."""

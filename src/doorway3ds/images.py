@@ -1,0 +1,149 @@
+"""Any picture file to (H, W, 3) uint8 RGB, and back to a file."""
+
+from __future__ import annotations
+
+import os
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.errors import UserError
+from doorway3ds.files import write_bytes
+from doorway3ds.imageheader import Header, HeaderError, read_header
+
+MAX_PIXELS = 120_000_000  # the largest phone sensors in use give 108 million
+MAX_BYTES = 512 * 1024 * 1024
+SUFFIXES = frozenset(
+    {".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp", ".ppm", ".pgm", ".pbm", ".pnm"}
+)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A decoded picture.
+
+    image: (H, W, 3) uint8 RGB, turned upright as its EXIF orientation says.
+    focal_35mm: EXIF focal length as on 35 mm film, in millimetres, or None.
+    """
+
+    image: NDArray[np.uint8]
+    focal_35mm: float | None = None
+
+
+def read_image(
+    source: str | os.PathLike[str] | bytes,
+    *,
+    name: str | None = None,
+    max_pixels: int = MAX_PIXELS,
+) -> Picture:
+    """Decodes a JPEG, PNG, WebP, TIFF, BMP or PNM file, of any size and number of channels.
+
+    Grey becomes three equal channels, an alpha channel is dropped, 16 bits a channel become 8,
+    CMYK becomes RGB, EXIF orientation is applied.
+
+    source: path, or the file's bytes.
+    name: what error messages call it; default: the path, "image" for bytes.
+
+    Raises UserError, its one line beginning with `name`: missing, unreadable, not an image,
+    truncated, damaged, without pixels, or over `max_pixels` by its header, before decoding.
+    """
+    if isinstance(source, bytes):
+        data, name = source, name or "image"
+    else:
+        name = name or os.fspath(source)
+        data = _read_bytes(Path(source), name)
+    try:
+        header = read_header(data)
+    except HeaderError as error:
+        raise UserError(f"{name} {error}") from error
+    if header.width <= 0 or header.height <= 0:
+        raise UserError(
+            f"{name} has no pixels ({header.width}x{header.height}); expected at least 1x1"
+        )
+    if header.width * header.height > max_pixels:
+        raise UserError(
+            f"{name} is too large: {header.width}x{header.height} pixels, "
+            f"at most {max_pixels / 1e6:g} million are read; scale it down"
+        )
+    image = _decode(data, header)
+    if image is None:
+        raise UserError(
+            f"{name} cannot be decoded: a damaged {header.kind}, or a variant of it that is not "
+            f"read; save it again as an 8-bit JPEG or PNG"
+        )
+    return Picture(_upright(image, header.orientation), header.focal_35mm)
+
+
+def _read_bytes(path: Path, name: str) -> bytes:
+    try:
+        mode = path.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise UserError(f"{name} is a folder; expected an image file")
+        if not (stat.S_ISREG(mode) or stat.S_ISFIFO(mode)):
+            raise UserError(f"{name} is a device; expected an image file")
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except FileNotFoundError as error:
+        raise UserError(f"{name} does not exist; expected an image file") from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise UserError(f"{name} cannot be read: {reason}") from error
+    if len(data) > MAX_BYTES:
+        raise UserError(f"{name} is too large: over {MAX_BYTES >> 20} MiB; scale it down")
+    return data
+
+
+def _decode(data: bytes, header: Header) -> NDArray[np.uint8] | None:
+    """RGB as stored, before orientation; None where OpenCV cannot, or disagrees on the size."""
+    if header.orientation_at is not None:
+        # OpenCV's TIFF reader turns some sample formats whatever the flag below says.
+        patched = bytearray(data)
+        patched[header.orientation_at] = 1
+        data = bytes(patched)
+    try:
+        decoded: Any = cv2.imdecode(
+            np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+        )
+    except (cv2.error, MemoryError):
+        return None
+    if decoded is None or decoded.dtype != np.uint8:
+        return None
+    if decoded.shape != (header.height, header.width, 3):
+        return None
+    rgb: Any = cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB)
+    return np.asarray(rgb)
+
+
+def _upright(image: NDArray[np.uint8], orientation: int) -> NDArray[np.uint8]:
+    """Undoes EXIF orientation 1..8 (TIFF 6.0, tag 274)."""
+    if orientation in (5, 6, 7, 8):
+        image = image.swapaxes(0, 1)
+    if orientation in (3, 4, 7, 8):
+        image = image[::-1]
+    if orientation in (2, 3, 6, 7):
+        image = image[:, ::-1]
+    return np.ascontiguousarray(image)
+
+
+def write_image(path: str | os.PathLike[str], image: NDArray[np.uint8], quality: int = 92) -> Path:
+    """Writes (H, W, 3) uint8 RGB as the suffix says (.jpg or .png), whole or not at all.
+
+    Raises UserError for another suffix, or where the file cannot be written.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix in (".jpg", ".jpeg"):
+        options = [cv2.IMWRITE_JPEG_QUALITY, quality]
+    elif suffix == ".png":
+        options = [cv2.IMWRITE_PNG_COMPRESSION, 3]
+    else:
+        raise UserError(f"cannot write {path}: expected .jpg or .png, got {suffix or 'no suffix'}")
+    done, encoded = cv2.imencode(suffix, cv2.cvtColor(image, cv2.COLOR_RGB2BGR), options)
+    if not done:
+        raise UserError(f"cannot write {path}: OpenCV could not encode {image.shape}")
+    return write_bytes(path, encoded.tobytes())
