@@ -1,0 +1,146 @@
+"""Confidence intervals: Wilson for independent pictures, bootstrap by place for the rest.
+
+Pictures of one room resemble each other, so resampling single pictures gives intervals
+that are too narrow; whole places are resampled instead (cluster bootstrap, percentile).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Indices = NDArray[np.intp]
+# (n,) picture indices, with repeats -> (M,) values, nan where undefined
+Statistic = Callable[[Indices], NDArray[np.floating[Any]]]
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A value, its confidence interval, and the number of pictures that it rests on.
+
+    low, high are nan where no interval was computed or none is defined.
+    """
+
+    value: float
+    low: float
+    high: float
+    n: int
+
+    def to_dict(self) -> dict[str, float | int | None]:
+        """JSON object; nan becomes null."""
+        return {
+            "value": _finite(self.value),
+            "low": _finite(self.low),
+            "high": _finite(self.high),
+            "n": self.n,
+        }
+
+
+def wilson(successes: int, n: int, confidence: float = 0.95) -> Interval:
+    """Wilson score interval of a share of independent trials (Wilson 1927)."""
+    if not 0 <= successes <= n:
+        raise ValueError(f"successes must lie in 0..n, got {successes} of {n}")
+    if n == 0:
+        return Interval(math.nan, math.nan, math.nan, 0)
+    z = NormalDist().inv_cdf((1 + confidence) / 2)
+    share = successes / n
+    scale = 1 + z * z / n
+    middle = (share + z * z / (2 * n)) / scale
+    half = z / scale * math.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
+    # Exact at the ends; rounding would leave 1e-17 beyond them.
+    low = 0.0 if successes == 0 else middle - half
+    high = 1.0 if successes == n else middle + half
+    return Interval(share, low, high, n)
+
+
+def bootstrap(
+    statistic: Statistic,
+    places: Sequence[str],
+    repeats: int = 2000,
+    seed: int = 0,
+    confidence: float = 0.95,
+) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]], NDArray[np.floating[Any]]]:
+    """Values of `statistic` on all pictures and the percentile interval over resampled places.
+
+    Returns (value, low, high), each (M,). Resamples in which a value is undefined (no picture
+    of its kind drawn) are left out of that value's percentiles. `repeats` 0, or a single place,
+    gives nan intervals.
+    """
+    value = np.asarray(statistic(np.arange(len(places))), float)
+    nothing = np.full_like(value, math.nan)
+    if repeats == 0 or len(set(places)) < 2:
+        return value, nothing, nothing.copy()
+    draws = np.stack([statistic(indices) for indices in _resamples(places, repeats, seed)])
+    tail = (1 - confidence) / 2
+    low, high = nothing, nothing.copy()
+    for m in range(len(value)):
+        # An interval from a handful of lucky resamples would be worse than none.
+        defined = draws[~np.isnan(draws[:, m]), m]
+        if len(defined) >= repeats / 2:
+            low[m], high[m] = np.quantile(defined, [tail, 1 - tail])
+    return value, low, high
+
+
+def paired_difference(
+    first: Statistic,
+    second: Statistic,
+    places: Sequence[str],
+    repeats: int = 2000,
+    seed: int = 0,
+    confidence: float = 0.95,
+) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]], NDArray[np.floating[Any]]]:
+    """`second - first` with its interval, both computed on the same resampled places.
+
+    The two see the same pictures, so most of the scatter cancels: the interval is about the
+    difference, not about either value.
+    """
+    return bootstrap(
+        lambda indices: np.asarray(second(indices)) - np.asarray(first(indices)),
+        places,
+        repeats,
+        seed,
+        confidence,
+    )
+
+
+def mean_interval(
+    values: ArrayLike, places: Sequence[str], repeats: int = 2000, seed: int = 0
+) -> Interval:
+    """Mean of the known (not nan) values with its interval by place."""
+    array = np.asarray(values, float)
+
+    def mean(indices: Indices) -> NDArray[np.floating[Any]]:
+        return np.array([nan_mean(array[indices])])
+
+    value, low, high = bootstrap(mean, places, repeats, seed)
+    return Interval(float(value[0]), float(low[0]), float(high[0]), int(np.sum(~np.isnan(array))))
+
+
+def nan_mean(values: NDArray[np.floating[Any]]) -> float:
+    """Mean of the known values, nan (without a warning) where there is none."""
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if known.size else math.nan
+
+
+def nan_quantile(values: NDArray[np.floating[Any]], q: float) -> float:
+    """Quantile of the known values, nan (without a warning) where there is none."""
+    known = values[~np.isnan(values)]
+    return float(np.quantile(known, q)) if known.size else math.nan
+
+
+def _resamples(places: Sequence[str], repeats: int, seed: int) -> list[Indices]:
+    rng = np.random.default_rng(seed)
+    _, inverse = np.unique(np.asarray(places), return_inverse=True)
+    members = [np.flatnonzero(inverse == g) for g in range(int(inverse.max()) + 1)]
+    picks = rng.integers(len(members), size=(repeats, len(members)))
+    return [np.concatenate([members[g] for g in row]) for row in picks]
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,349 @@
+"""Readers of the layouts in which marked pictures come.
+
+nyu       images/, depth/ (8-bit), labels/, doorways.csv: NYU Depth v2, 640x480 with its frame
+rendered  images/, depth/ (16-bit millimetres), doorways.csv with a column fx_px
+plain     images/ (or the pictures beside it), doorways.csv: photographs marked by hand
+boxes     images/, boxes.csv: door boxes with a state, portraits squeezed to a square
+folders   one folder per class: open-door/, no-door/ and their like
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from doorway3ds.camera import Camera, Pose
+from doorway3ds.errors import UserError
+from doorway3ds.evaluate.datasets import Dataset, Marked, Sample
+from doorway3ds.imageheader import HeaderError, read_header
+from doorway3ds.images import SUFFIXES
+
+LAYOUTS = ("nyu", "rendered", "plain", "boxes", "folders")
+
+# A white frame of 5-8 px surrounds each NYU picture: rows 10:470, columns 10:630 remain.
+NYU_CROP = (10, 470, 10, 630)
+NYU_CAMERA = Camera("nyu-v2 cropped", 620, 460, 518.86, 519.47, 325.58 - 10, 253.74 - 10)
+NYU_UNIT_M = 9.9955 / 255
+NYU_BLOCK = 40  # neighbouring numbers are the same room
+NYU_EIGEN_BOX = (35, 460, 31, 591)  # Eigen et al.'s 45:471, 41:601 after the crop
+
+# DeepDoors2 portraits, taken 480x640 and squeezed to 416x416.
+BOX_CAMERA = Camera.from_fov(480, 640, 64.0, name="64 deg portrait", assumed=True)
+BOX_STATES: dict[str, bool | None] = {"open": True, "semi": None, "closed": False}
+
+CLASS_FOLDERS: dict[str, bool | None] = {
+    "open-door": True,
+    "opened-door": True,
+    "open": True,
+    "no-door": False,
+    "none": False,
+    "closed-door": False,
+    "close-door": False,
+    "closed": False,
+    "half-open": None,
+    "half-open-door": None,
+    "semi-open": None,
+    "semi-open-door": None,
+    "semi": None,
+}
+
+
+def read_dataset(
+    path: Path, layout: str | None = None, places: Mapping[str, str] | None = None
+) -> Dataset:
+    """The samples of a folder; the layout is told from its files unless given.
+
+    places: place of each picture by name, over what the layout says. Raises UserError, one
+    line, on a folder of no known layout and on damaged or missing files.
+    """
+    if not path.is_dir():
+        raise UserError(f"expected a folder with marked pictures, got {path}")
+    layout = layout or _guess_layout(path)
+    if layout not in LAYOUTS:
+        raise UserError(f"expected a layout of {', '.join(LAYOUTS)}, got '{layout}'")
+    if layout == "boxes":
+        samples, known = _read_boxes(path)
+    elif layout == "folders":
+        samples, known = _read_folders(path)
+    else:
+        samples, known = _read_doorways(path, layout)
+    if places is not None:
+        missing = [s.name for s in samples if s.name not in places]
+        if missing:
+            raise UserError(f"the places file names no place for {missing[0]}")
+        samples = [replace(s, place=places[s.name]) for s in samples]
+        known = True
+    if not samples:
+        raise UserError(f"{path} holds no marked pictures ({layout} layout)")
+    return Dataset(path, layout, tuple(sorted(samples, key=lambda s: s.name)), known)
+
+
+def read_places(path: Path) -> dict[str, str]:
+    """A CSV with columns image and place."""
+    return {row["image"]: row["place"] for _, row in _csv_rows(path, ("image", "place"))}
+
+
+def _guess_layout(path: Path) -> str:
+    if (path / "boxes.csv").is_file():
+        return "boxes"
+    doorways = path / "doorways.csv"
+    if doorways.is_file():
+        with doorways.open(encoding="utf-8", errors="replace", newline="") as file:
+            header = next(csv.reader(file), [])
+        if "fx_px" in header:
+            return "rendered"
+        return "nyu" if all((path / d).is_dir() for d in ("depth", "labels")) else "plain"
+    if any(_class_key(d.name) in CLASS_FOLDERS for d in path.iterdir() if d.is_dir()):
+        return "folders"
+    raise UserError(
+        f"{path} has neither doorways.csv, boxes.csv nor folders like open-door/ and no-door/"
+    )
+
+
+def _read_doorways(path: Path, layout: str) -> tuple[list[Sample], bool]:
+    table = path / "doorways.csv"
+    required = ["image", "open", "left_px", "right_px"]
+    if layout == "rendered":
+        required.append("fx_px")
+    by_image: dict[str, list[tuple[str, dict[str, str]]]] = {}
+    for where, row in _csv_rows(table, required):
+        by_image.setdefault(row["image"], []).append((where, row))
+    known = True
+    samples = []
+    for name, rows in by_image.items():
+        where, main = rows[0]
+        stem = Path(name).stem
+        if main.get("place"):
+            place = main["place"]
+        elif stem.isdigit() and layout != "rendered":
+            place = f"{int(stem) // NYU_BLOCK:03d}"
+        else:
+            place, known = name, False
+        is_open = _flag(main, "open", where)
+        if is_open is None:
+            raise UserError(f"{where}: expected open 0 or 1, got nothing")
+        confidence = _number(main, "confidence", where)
+        sample = Sample(
+            name=name,
+            place=place,
+            image_path=_existing(path, name, where),
+            is_open=is_open,
+            kinds=tuple(k for k in main.get("kind", "").split(";") if k),
+            confidence=3 if confidence is None else int(confidence),
+        )
+        sample = _with_files(sample, path, layout, main, where)
+        shift = NYU_CROP[2] if layout == "nyu" else 0
+        marks = tuple(
+            _marked(row, place_, shift) for place_, row in rows if _flag(row, "open", place_)
+        )
+        if sample.camera is not None:
+            edge = sample.camera.width - 0.5
+            marks = tuple(
+                replace(m, left_px=max(m.left_px, -0.5), right_px=min(m.right_px, edge))
+                for m in marks
+            )
+            if any(m.left_px >= m.right_px for m in marks):
+                raise UserError(f"{where}: the opening lies outside the picture")
+        samples.append(replace(sample, openings=marks))
+    return samples, known
+
+
+def _with_files(
+    sample: Sample, path: Path, layout: str, row: Mapping[str, str], where: str
+) -> Sample:
+    png = Path(sample.name).stem + ".png"
+    depth = path / "depth" / png
+    depth_path = depth if depth.is_file() else None
+    if layout == "nyu":
+        labels = path / "labels" / png
+        return replace(
+            sample,
+            camera=NYU_CAMERA,
+            crop=NYU_CROP,
+            depth_path=depth_path,
+            depth_unit_m=NYU_UNIT_M,
+            labels_path=labels if labels.is_file() else None,
+            eigen_box=NYU_EIGEN_BOX,
+        )
+    if layout == "plain":
+        return replace(sample, depth_path=depth_path)
+
+    def number(column: str, default: float) -> float:
+        value = _number(row, column, where)
+        return default if value is None else value
+
+    try:
+        header = read_header(sample.image_path.read_bytes())
+    except (HeaderError, OSError) as error:
+        raise UserError(f"{sample.image_path} cannot be read: {error}") from error
+    width, height = header.width, header.height
+    fx = number("fx_px", math.nan)
+    if not fx > 0:
+        raise UserError(f"{where}: expected a focal length fx_px above 0, got '{row['fx_px']}'")
+    camera = Camera(
+        "rendered",
+        width,
+        height,
+        fx,
+        number("fy_px", fx),
+        number("cx_px", (width - 1) / 2),
+        number("cy_px", (height - 1) / 2),
+        (number("k1", 0), number("k2", 0), number("p1", 0), number("p2", 0), number("k3", 0)),
+    )
+    pose = Pose(
+        height_m=_number(row, "height_m", where),
+        pitch_deg=number("pitch_deg", 0),
+        yaw_deg=number("yaw_deg", 0),
+        roll_deg=number("roll_deg", 0),
+    )
+    return replace(sample, camera=camera, pose=pose, depth_path=depth_path, depth_unit_m=0.001)
+
+
+def _marked(row: Mapping[str, str], where: str, shift_px: float) -> Marked:
+    left, right = _number(row, "left_px", where), _number(row, "right_px", where)
+    if left is None or right is None or left >= right:
+        raise UserError(
+            f"{where}: an open row needs left_px below right_px, "
+            f"got '{row['left_px']}' and '{row['right_px']}'"
+        )
+    confidence = _number(row, "confidence", where)
+    return Marked(
+        left - shift_px,
+        right - shift_px,
+        clear=_flag(row, "clear", where),
+        confidence=3 if confidence is None else int(confidence),
+        second=bool(_flag(row, "second", where)),
+        range_m=_number(row, "range_m", where),
+    )
+
+
+def _read_boxes(path: Path) -> tuple[list[Sample], bool]:
+    table = path / "boxes.csv"
+    sides = ("left", "top", "right", "bottom")
+    by_image: dict[str, list[tuple[str, dict[str, str]]]] = {}
+    for where, row in _csv_rows(table, ("image", "state", *sides)):
+        if row["state"] not in BOX_STATES:
+            raise UserError(
+                f"{where}: expected a state of open, semi, closed, got '{row['state']}'"
+            )
+        by_image.setdefault(row["image"], []).append((where, row))
+    samples = []
+    known = all(rows[0][1].get("place") for rows in by_image.values())
+    for name, rows in by_image.items():
+        states = {row["state"] for _, row in rows}
+        state = next(s for s in BOX_STATES if s in states)
+        openings = []
+        for where, row in rows:
+            left, right = _number(row, "left", where), _number(row, "right", where)
+            if left is None or right is None or not 0 <= left < right <= 1:
+                raise UserError(
+                    f"{where}: expected fractions 0 <= left < right <= 1, "
+                    f"got '{row['left']}' and '{row['right']}'"
+                )
+            if row["state"] != "closed":
+                width = BOX_CAMERA.width
+                openings.append(Marked(left * width - 0.5, right * width - 0.5))
+        place = rows[0][1].get("place") if known else None
+        samples.append(
+            Sample(
+                name=name,
+                place=place or name,
+                image_path=_existing(path, name, rows[0][0]),
+                is_open=BOX_STATES[state],
+                openings=tuple(openings),
+                kinds=("closed door",) if state == "closed" else (),
+                camera=BOX_CAMERA,
+                size=(BOX_CAMERA.width, BOX_CAMERA.height),
+            )
+        )
+    return samples, known
+
+
+def _read_folders(path: Path) -> tuple[list[Sample], bool]:
+    samples = []
+    known = True
+    for folder in sorted(d for d in path.iterdir() if d.is_dir()):
+        key = _class_key(folder.name)
+        if key not in CLASS_FOLDERS:
+            raise UserError(
+                f"expected class folders like open-door/ and no-door/ in {path}, got {folder.name}/"
+            )
+        for file in sorted(folder.rglob("*")):
+            if file.suffix.lower() not in SUFFIXES:
+                continue
+            name = file.relative_to(path).as_posix()
+            nested = file.parent != folder
+            known &= nested
+            is_open = CLASS_FOLDERS[key]
+            samples.append(
+                Sample(
+                    name=name,
+                    place=file.parent.name if nested else name,
+                    image_path=file,
+                    is_open=is_open,
+                    kinds=(key,) if is_open is False else (),
+                )
+            )
+    return samples, known
+
+
+def _csv_rows(path: Path, columns: tuple[str, ...] | list[str]) -> list[tuple[str, dict[str, str]]]:
+    """("file line N", row) pairs. Raises UserError on a file without these columns."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.DictReader(file, strict=True)
+            missing = [c for c in columns if c not in (reader.fieldnames or [])]
+            if missing:
+                raise UserError(
+                    f"{path} lacks the column {missing[0]}; expected {', '.join(columns)}"
+                )
+            rows = []
+            for row in reader:
+                where = f"{path} line {reader.line_num}"
+                if None in row or None in row.values():
+                    raise UserError(f"{where}: expected {len(reader.fieldnames or [])} fields")
+                if not row["image"]:
+                    raise UserError(f"{where}: names no picture")
+                rows.append((where, {k: v.strip() for k, v in row.items()}))
+    except OSError as error:
+        raise UserError(f"cannot read {path}: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise UserError(f"{path} is no CSV file in UTF-8: {error}") from error
+    return rows
+
+
+def _number(row: Mapping[str, str], column: str, where: str) -> float | None:
+    text = row.get(column, "")
+    if not text:
+        return None
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise UserError(f"{where}: expected a number for {column}, got '{text}'")
+    return value
+
+
+def _flag(row: Mapping[str, str], column: str, where: str) -> bool | None:
+    text = row.get(column, "")
+    if text not in ("", "0", "1"):
+        raise UserError(f"{where}: expected 0, 1 or nothing for {column}, got '{text}'")
+    return None if text == "" else text == "1"
+
+
+def _existing(path: Path, name: str, where: str) -> Path:
+    for candidate in (path / "images" / name, path / name):
+        if candidate.is_file():
+            return candidate
+    raise UserError(f"{where}: there is no picture {name} in {path / 'images'}")
+
+
+def _class_key(name: str) -> str:
+    key = name.strip().lower().replace("_", "-").replace(" ", "-")
+    return {"opendoor": "open-door", "nodoor": "no-door", "closeddoor": "closed-door"}.get(
+        key, key.removesuffix("s") if key.endswith("doors") else key
+    )
