@@ -9,12 +9,12 @@ Fields of view of the presets, each of a 640x480 picture:
 - NAO V4/V5 (MT9M114): 60.9 x 47.6 deg, top camera 0.05871 m in front of and 0.06364 m above
   the neck joint, tilted 0.0209 rad down.
   http://doc.aldebaran.com/2-0/family/robots/video_robot.html
-- NAO V6 (OV5640): 56.3 x 43.7 deg, mounted as in V5.
-  http://doc.aldebaran.com/2-8/family/nao_technical/video_naov6.html
 - Pepper (OV5640): 56.3 x 43.7 deg, top camera 0.0868 m in front of and 0.1631 m above the neck
-  joint, not tilted. (NAOqi 2.0's page prints 57.2 x 44.3 deg; 2.4 and later correct it.)
+  joint, not tilted. (NAOqi 2.0's page printed 57.2 x 44.3 deg; 2.4 and 2.8 print these.)
   http://doc.aldebaran.com/2-8/family/pepper_technical/video_2D_pep.html,
   http://doc.aldebaran.com/2-4/family/pepper_technical/video_pep.html
+- NAO V6: the same OV5640 camera module as Pepper, mounted as in V5.
+  http://doc.aldebaran.com/2-8/family/nao_technical/video_naov6.html
 """
 
 from __future__ import annotations
@@ -156,9 +156,9 @@ class Pose:
         return replace(self, yaw_deg=-self.yaw_deg, roll_deg=-self.roll_deg, left_m=-self.left_m)
 
 
-# Heights with legs straight. NAO: foot 0.045 + tibia 0.103 + thigh 0.100 + hip 0.085 + neck
-# 0.1265 + camera 0.0636 m (doc.aldebaran.com/2-8/family/nao_technical/links_naov6.html).
-# Pepper: torso 0.820 + neck 0.170 + camera 0.163 m; the neck stands 0.038 m behind the torso.
+# Heights with legs straight. NAO: foot 0.045, tibia 0.103, thigh 0.100, hip 0.085, neck 0.1265,
+# camera 0.0636 m. Pepper, by its URDF: base 0.334, pelvis 0.268, hip 0.079, torso 0.139, neck
+# 0.170, camera 0.163 m; the neck stands 0.038 m behind the turning axis.
 _NAO_POSE = Pose(height_m=0.52, pitch_deg=-1.2, forward_m=0.059)
 PRESETS: dict[str, tuple[Camera, Pose]] = {
     "nao-v5-top": (Camera.from_fov(640, 480, 60.9, 47.6, "nao-v5-top"), _NAO_POSE),
@@ -345,12 +345,21 @@ def bearing_of_pixel(
 
 
 @lru_cache(maxsize=8)
-def _grid_rays(camera: Camera) -> Array:
-    """(3, H * W) camera-frame rays of every pixel; cached, as a robot's camera stays the same."""
-    x, y = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
-    rays = np.ascontiguousarray(pixel_to_ray(camera, np.stack([x, y], -1)).reshape(-1, 3).T)
+def grid_rays(camera: Camera, step: int = 1) -> Array:
+    """(h, w, 3) camera-frame rays of every `step`-th row and column, the last row included.
+
+    Cached and read-only, as a robot's camera stays the same from picture to picture.
+    """
+    rows, columns = grid_pixels(camera.width, camera.height, step)
+    x, y = np.meshgrid(columns, rows)
+    rays = pixel_to_ray(camera, np.stack([x, y], -1))
     rays.flags.writeable = False
     return rays
+
+
+def grid_pixels(width: int, height: int, step: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of a thinned pixel grid that keeps the last row, where the floor is near."""
+    return np.arange((height - 1) % step, height, step), np.arange(step // 2, width, step)
 
 
 def back_project(camera: Camera, pose: Pose, depth: ArrayLike) -> Array:
@@ -361,7 +370,6 @@ def back_project(camera: Camera, pose: Pose, depth: ArrayLike) -> Array:
     """
     depth = np.asarray(depth, dtype=np.float64)
     height, width = depth.shape
-    rays = rotation(pose) @ _grid_rays(camera.stretched_to(width, height))
-    points = rays * depth.reshape(-1)
-    points += np.array([[pose.forward_m], [pose.left_m], [pose.height_m or 0.0]])
-    return points.T.reshape(height, width, 3)
+    rays = grid_rays(camera.stretched_to(width, height))
+    lens = np.array([pose.forward_m, pose.left_m, pose.height_m or 0.0])
+    return np.asarray((rays * depth[..., None]) @ rotation(pose).T + lens)
