@@ -41,7 +41,7 @@ class Frame:
 
     image: NDArray[np.uint8]
     camera: Camera
-    pose: Pose = Pose()
+    pose: Pose = field(default_factory=Pose)
     stamp_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -160,3 +160,43 @@ class Decision:
     frame: Frame
     method: str
     timings_ms: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def bearing_deg(self) -> float | None:
+        """Of the best opening, whether or not to turn there; None without an open doorway."""
+        return None if self.reason is Reason.NO_DOOR else self.selection.bearing_deg
+
+    def to_dict(self, image: str | None = None) -> dict[str, Any]:
+        """Plain values for JSON; `image` is the picture's name as it was given, left out if None.
+
+        Without an open doorway there is no way to speak of: bearing, range, clear and pixel are
+        None, and `openings` still lists the candidates.
+        """
+        found, camera = self.selection, self.frame.camera
+        door = self.reason is not Reason.NO_DOOR
+        named: dict[str, Any] = {} if image is None else {"image": image}
+        answer: dict[str, Any] = {
+            **named,
+            "method": self.method,
+            "network": self.perception.network,
+            "camera": {"name": camera.name, "assumed": camera.assumed},
+            "p_open": float(self.p_open),
+            "open": bool(self.open),
+            "reason": str(self.reason),
+            "turn_deg": self.turn_deg,
+            "bearing_deg": self.bearing_deg,
+            "range_m": found.range_m if door else None,
+            "clear": found.clear if door else None,
+            "floor_from_m": found.floor_from_m,
+            "look": found.look if self.reason is Reason.UNSURE else None,
+            "openings": [opening.to_dict() for opening in found.openings],
+            "pixel": list(found.pixel) if door and found.pixel is not None else None,
+            "timings_ms": {stage: float(ms) for stage, ms in self.timings_ms.items()},
+        }
+        if self.method == "paper":
+            for key in ("max_pixel", "best_pixel", "trigger_pixel"):
+                pixel = found.evidence.get(key)
+                answer[key] = None if pixel is None else list(pixel)
+            for key in ("max_depth", "best_depth"):
+                answer[key] = found.evidence.get(key)
+        return answer

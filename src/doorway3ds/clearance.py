@@ -1,0 +1,228 @@
+"""Is the way to a doorway free over the robot's whole width?
+
+The robot's footprint is swept from the turning axis to the threshold. Points that stand above
+the floor inside it block, and so does a place where the camera looks through the floor's plane
+and sees something lower: a step down. What the camera cannot see is unknown, never free.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.camera import Array, Camera, ray_to_pixel
+from doorway3ds.floor import FloorPlane, Mask, Scene
+
+
+@dataclass(frozen=True)
+class ClearanceParams:
+    """What blocks the way.
+
+    width_m: of the swept footprint (NAO: 0.275 m over its shoulders).
+    start_m: the sweep begins this far from the turning axis, at the robot's own front.
+    headroom_m: what hangs higher does not block (Pepper is 1.21 m tall).
+    max_range_m: how far to sweep where the threshold's distance is unknown.
+    min_height_m: with true depth, what rises less above the floor can be walked over; the same
+        limit holds for a step down.
+    height_gain: added to it per metre of distance and unit of the network's depth error.
+    max_height_limit_m: the limit never exceeds this.
+    min_group: points of a connected group on the depth grid that block, with true depth.
+    group_gain: added to it per unit of depth error, as a fraction of the grid's points.
+    floor_veto: with a network's depth, a group blocks only if at most this fraction of its
+        points is called floor by the floor mask (1: the mask has no say).
+    mask_blocks: with a network's depth, this fraction of the footprint called not floor blocks
+        even where the depth sees nothing (above 1: never).
+    """
+
+    width_m: float = 0.28
+    start_m: float = 0.15
+    headroom_m: float = 1.3
+    max_range_m: float = 3.0
+    min_height_m: float = 0.04
+    height_gain: float = 0.3
+    max_height_limit_m: float = 0.35
+    min_group: float = 3.0
+    group_gain: float = 0.02
+    floor_veto: float = 0.5
+    mask_blocks: float = 1.1
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """What the sweep found.
+
+    clear: True where floor was seen and nothing blocks, False where something does, None where
+        no floor was seen in the footprint.
+    floor_from_m: distance from the turning axis at which floor comes into view in the swept
+        direction, None if it never does.
+    corridor_m: (4, 2) corners of the footprint on the floor, robot frame.
+    corridor_px: (n, 2) the same outline in the picture (x, y), from where it can be seen.
+    obstacle_px: (n, 2) picture points of what blocks, None where nothing does.
+    obstacle_m: distance of its nearest point along the way, None where nothing does.
+    """
+
+    clear: bool | None
+    floor_from_m: float | None
+    corridor_m: Array
+    corridor_px: Array
+    obstacle_px: Array | None
+    obstacle_m: float | None
+    floor_plane: FloorPlane | None
+
+    def evidence(self) -> dict[str, Any]:
+        """As `Selection.evidence` carries it to whoever draws or logs."""
+        return {
+            "corridor_px": [(float(x), float(y)) for x, y in self.corridor_px],
+            "obstacle_px": self.obstacle_px,
+            "obstacle_m": self.obstacle_m,
+            "floor_plane": self.floor_plane,
+        }
+
+
+def sweep(
+    scene: Scene,
+    camera: Camera,
+    bearing_deg: float,
+    range_m: float | None,
+    params: ClearanceParams,
+) -> Clearance:
+    """Sweep the footprint from the turning axis along a bearing up to the threshold."""
+    reach = params.max_range_m if range_m is None else range_m
+    way = np.array([math.cos(math.radians(bearing_deg)), math.sin(math.radians(bearing_deg))])
+    corridor = _corridor(way, params.start_m, max(reach, params.start_m), params.width_m)
+    if scene.plane is None:
+        return Clearance(None, None, corridor, np.empty((0, 2)), None, None, None)
+
+    x, y, z, directions, floor = scene.x, scene.y, scene.z, scene.directions, scene.floor
+    half = params.width_m / 2
+
+    def inside(px: Array, py: Array) -> tuple[Mask, Array]:
+        along = px * way[0] + py * way[1]
+        aside = np.abs(py * way[0] - px * way[1])
+        return (aside <= half) & (along >= params.start_m), along
+
+    with np.errstate(invalid="ignore", divide="ignore"):
+        fall = scene.lens[2] / -directions[..., 2]
+        ground_x = scene.lens[0] + directions[..., 0] * fall
+        ground_y = scene.lens[1] + directions[..., 1] * fall
+        on_ground, ground_along = inside(ground_x, ground_y)
+        on_ground &= fall > 0
+        in_way, along = inside(x, y)
+        limit = np.minimum(
+            params.min_height_m + params.height_gain * scene.depth_error * along,
+            params.max_height_limit_m,
+        )
+        high = in_way & (along <= reach) & (z > limit) & (z < params.headroom_m)
+        # Below the floor: what matters is where the ray went through the floor's plane.
+        low = on_ground & (ground_along <= reach) & (z < -limit)
+        flat = np.abs(z) <= limit
+
+    size = params.min_group + params.group_gain * scene.depth_error * z.size
+    veto = params.floor_veto if scene.depth_error > 0 and floor is not None else 1.0
+    block = _largest_group(high, floor, size, veto)
+    if block is None:
+        block = _largest_group(low, floor, size, veto)
+
+    seen = on_ground & (flat if scene.depth_error == 0 or floor is None else floor)
+    distances = np.sort(ground_along[seen])
+    # The third nearest pixel: one stray pixel is no floor.
+    floor_from = float(distances[min(2, distances.size - 1)]) if distances.size else None
+    if block is None and scene.depth_error > 0 and floor is not None and floor_from is not None:
+        way_pixels = on_ground & (ground_along <= reach) & (ground_along >= floor_from)
+        bare = way_pixels & ~floor
+        if np.count_nonzero(bare) > params.mask_blocks * np.count_nonzero(way_pixels):
+            block = bare
+
+    clear: bool | None = None
+    obstacle_px, obstacle_m = None, None
+    if block is not None:
+        clear = False
+        rows, columns = np.nonzero(block)
+        obstacle_px = np.stack([scene.columns_px[columns], scene.rows_px[rows]], axis=-1)
+        obstacle_m = float(np.nanmin(np.where(z[block] < 0, ground_along[block], along[block])))
+    elif floor_from is not None and floor_from < reach:
+        clear = True
+    start = params.start_m if floor_from is None else floor_from
+    return Clearance(
+        clear=clear,
+        floor_from_m=floor_from,
+        corridor_m=corridor,
+        corridor_px=_outline(scene, camera, way, min(start, reach), reach, params.width_m),
+        obstacle_px=obstacle_px,
+        obstacle_m=obstacle_m,
+        floor_plane=scene.plane,
+    )
+
+
+def _corridor(way: Array, near: float, far: float, width: float) -> Array:
+    left = np.array([-way[1], way[0]]) * width / 2
+    return np.array([near * way + left, far * way + left, far * way - left, near * way - left])
+
+
+def _outline(
+    scene: Scene, camera: Camera, way: Array, near: float, far: float, width: float
+) -> Array:
+    """The footprint's outline on the floor in the picture, in drawing order."""
+    side = np.linspace(near, max(far, near), 12)
+    left = np.array([-way[1], way[0]]) * width / 2
+    ground = np.concatenate([side[:, None] * way + left, side[::-1, None] * way - left])
+    points = np.column_stack([ground, np.zeros(len(ground))]) - scene.lens
+    pixels = ray_to_pixel(camera, points @ scene.turn)
+    return np.asarray(pixels[np.isfinite(pixels).all(axis=1)])
+
+
+def _largest_group(mask: Mask, floor: Mask | None, size: float, veto: float) -> Mask | None:
+    """The largest 8-connected group of at least `size` points that the floor mask allows."""
+    if np.count_nonzero(mask) < size:
+        return None
+    labels, sizes = label_groups(mask)
+    for label in np.argsort(sizes)[::-1]:
+        if sizes[label] < size:
+            return None
+        group = labels == label
+        if floor is None or veto >= 1 or np.mean(floor[group]) <= veto:
+            return np.asarray(group)
+    return None
+
+
+def label_groups(mask: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Labels (h, w) of the 8-connected groups of a mask, -1 outside, and their sizes.
+
+    Runs along the rows are joined by union-find, so the work is a Python step per run.
+    """
+    height, width = mask.shape
+    padded = np.zeros((height, width + 2), dtype=np.int8)
+    padded[:, 1:-1] = mask
+    change = np.diff(padded, axis=1)
+    rows, starts = np.nonzero(change == 1)
+    ends = np.nonzero(change == -1)[1]  # one past the last column
+    parent = list(range(rows.size))
+
+    def root(i: int) -> int:
+        while parent[i] != i:
+            parent[i] = parent[parent[i]]
+            i = parent[i]
+        return i
+
+    row_list, start_list, end_list = rows.tolist(), starts.tolist(), ends.tolist()
+    above = 0
+    for run, row in enumerate(row_list):
+        while row_list[above] < row - 1 or (
+            row_list[above] == row - 1 and end_list[above] < start_list[run]
+        ):
+            above += 1
+        other = above
+        while row_list[other] == row - 1 and start_list[other] <= end_list[run]:
+            parent[root(other)] = root(run)
+            other += 1
+    roots = np.array([root(i) for i in range(rows.size)], dtype=np.intp)
+    _, run_labels = np.unique(roots, return_inverse=True)
+    lengths = ends - starts
+    labels = np.full((height, width), -1, dtype=np.intp)
+    labels[mask] = np.repeat(run_labels, lengths)
+    sizes = np.bincount(run_labels, weights=lengths).astype(np.intp)
+    return labels, sizes

@@ -1,0 +1,169 @@
+"""The `opening` method: from opening columns, depth and floor to where to turn.
+
+An opening's bearing is the ray through the pixel at the middle of its two columns at the
+picture's mid-height, by the camera's calibration and pose, about the robot's turning axis.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from doorway3ds.camera import bearing_of_pixel, pixel_to_ray
+from doorway3ds.clearance import Clearance, ClearanceParams, sweep
+from doorway3ds.floor import FloorParams, Scene, build_scene
+from doorway3ds.threshold import ThresholdParams, locate_threshold
+from doorway3ds.types import ColumnVotes, Frame, Opening, Perception, Selection
+
+Span = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class OpeningParams:
+    """Limits of the selection; a network's metadata may carry its own.
+
+    min_score: a strip below it is no candidate.
+    sure_score: below it the best opening is only a guess: unsure.
+    same_iou: strips whose spans overlap by more belong to one opening.
+    edge_fraction: of the picture's width within which an edge counts as cut by the picture.
+    face_margin_deg: turned by a cut opening's bearing, the robot's side must clear the visible
+        jamb by this much.
+    assumed_range_m: for that check, where the range is unknown.
+    """
+
+    min_score: float = 0.05
+    sure_score: float = 0.3
+    same_iou: float = 0.5
+    edge_fraction: float = 0.01
+    face_margin_deg: float = 2.0
+    assumed_range_m: float = 1.5
+    floor: FloorParams = field(default_factory=FloorParams)
+    threshold: ThresholdParams = field(default_factory=ThresholdParams)
+    clearance: ClearanceParams = field(default_factory=ClearanceParams)
+
+
+def columns_from_spans(
+    spans: Sequence[tuple[float, float]], width: int, n: int = 64
+) -> ColumnVotes:
+    """Perfect votes for openings (left_px, right_px): what a network is trained to say.
+
+    Strips outside every opening score 0 and vote for their own centre.
+    """
+    centre = (np.arange(n) + 0.5) * width / n - 0.5
+    score = np.zeros(n)
+    left, right = centre.copy(), centre.copy()
+    for low, high in spans:
+        low, high = max(low, -0.5), min(high, width - 0.5)
+        if high <= low:
+            continue
+        inside = (centre >= low) & (centre <= high) & (score == 0)
+        if not inside.any():  # narrower than a strip: the strip that holds its middle
+            inside = np.arange(n) == np.argmin(np.abs(centre - (low + high) / 2))
+        score[inside], left[inside], right[inside] = 1.0, low, high
+    return ColumnVotes(score, left, right)
+
+
+def decode_columns(
+    votes: ColumnVotes, width: int, min_score: float = 0.05, same_iou: float = 0.5
+) -> list[Span]:
+    """Openings (left_px, right_px, score) from column votes, best first.
+
+    The best strip gathers all strips whose spans overlap its own by `same_iou`; the opening's
+    edges are the score-weighted mean of their votes, which is finer than a strip. What is left
+    inside it is dropped, and the next best strip begins the next opening.
+    """
+    score = np.nan_to_num(np.asarray(votes.score, dtype=np.float64))
+    left = np.clip(np.asarray(votes.left_px, dtype=np.float64), -0.5, width - 0.5)
+    right = np.clip(np.asarray(votes.right_px, dtype=np.float64), -0.5, width - 0.5)
+    centre = (np.arange(score.size) + 0.5) * width / max(score.size, 1) - 0.5
+    free = (score >= min_score) & (right > left)
+    found: list[Span] = []
+    while free.any():
+        seed = int(np.argmax(np.where(free, score, -1.0)))
+        overlap = np.minimum(right, right[seed]) - np.maximum(left, left[seed])
+        union = np.maximum(right, right[seed]) - np.minimum(left, left[seed])
+        group = free & (overlap >= same_iou * union)
+        weight = score[group]
+        low = float(weight @ left[group] / weight.sum())
+        high = float(weight @ right[group] / weight.sum())
+        found.append((low, high, float(weight @ weight / weight.sum())))
+        free &= ~group & ~((centre >= low) & (centre <= high))
+    return sorted(found, key=lambda span: (-span[2], span[0] - span[1]))
+
+
+def select_opening(
+    perception: Perception, frame: Frame, params: OpeningParams | None = None
+) -> Selection:
+    """Ranked openings with bearing and range, the way to the best one, and whether to abstain."""
+    params = params or OpeningParams()
+    if perception.columns is None:
+        return Selection(
+            None, None, None, None, unsure=f"{perception.network} gives no opening columns"
+        )
+    scene = build_scene(perception, frame, params.floor)
+    spans = decode_columns(
+        perception.columns, frame.camera.width, params.min_score, params.same_iou
+    )
+    openings = tuple(_opening(span, scene, frame, params) for span in spans)
+    if not openings:
+        return Selection(None, None, None, None, unsure="no opening is found in the columns")
+
+    best = openings[0]
+    way: Clearance | None = None
+    if scene is not None:
+        way = sweep(scene, frame.camera, best.bearing_deg, best.range_m, params.clearance)
+    unsure, look = _doubt(best, params)
+    return Selection(
+        bearing_deg=best.bearing_deg,
+        range_m=best.range_m,
+        pixel=(round((frame.camera.height - 1) / 2), round((best.left_px + best.right_px) / 2)),
+        clear=None if way is None else way.clear,
+        floor_from_m=None if way is None else way.floor_from_m,
+        openings=openings,
+        unsure=unsure,
+        look=look,
+        evidence={} if way is None else way.evidence(),
+    )
+
+
+def _opening(span: Span, scene: Scene | None, frame: Frame, params: OpeningParams) -> Opening:
+    """One span with its bearings and the range to its threshold."""
+    camera, pose = frame.camera, frame.pose
+    left, right, score = span
+    slack = params.edge_fraction * camera.width
+    cut_left, cut_right = left <= -0.5 + slack, right >= camera.width - 0.5 - slack
+    cut = {(1, 0): "left", (0, 1): "right", (1, 1): "both"}.get((int(cut_left), int(cut_right)))
+    row = (camera.height - 1) / 2
+    pixels = np.array([[left, row], [(left + right) / 2, row], [right, row]])
+    range_m: float | None = None
+    if scene is not None:
+        middle = locate_threshold(
+            scene,
+            (None if cut_left else left, None if cut_right else right),
+            pixel_to_ray(camera, pixels) @ scene.turn.T,
+            params.threshold,
+        )
+        range_m = None if middle is None else float(np.hypot(*middle))
+    left_deg, bearing, right_deg = bearing_of_pixel(camera, pose, pixels, range_m)
+    return Opening(
+        left, right, float(left_deg), float(right_deg), float(bearing), range_m, score, cut
+    )
+
+
+def _doubt(best: Opening, params: OpeningParams) -> tuple[str | None, str | None]:
+    """Why the best opening's bearing should not be acted on, and the side to look to."""
+    side = "left" if best.bearing_deg > 0 else "right"
+    if best.cut in ("left", "right"):
+        # The doorway goes on beyond the picture; only the jamb in view can be hit. Facing the
+        # middle of what is visible, the robot's side must pass it.
+        jamb_deg = best.right_deg if best.cut == "left" else best.left_deg
+        distance = best.range_m or params.assumed_range_m
+        half = math.asin(min(1.0, params.clearance.width_m / 2 / distance))
+        if abs(best.bearing_deg - jamb_deg) < math.degrees(half) + params.face_margin_deg:
+            return f"the opening is cut by the picture's {best.cut} edge", best.cut
+    if best.score < params.sure_score:
+        return f"the best opening scores only {best.score:.2f}", side
+    return None, None
