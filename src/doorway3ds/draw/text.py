@@ -39,7 +39,7 @@ class _Face:
 @lru_cache(maxsize=2)
 def _face(weight: Weight) -> _Face:
     with (
-        files("doorway3ds").joinpath("fonts/inter.npz").open("rb") as file,
+        files("doorway3ds.draw").joinpath("fonts/inter.npz").open("rb") as file,
         np.load(file, allow_pickle=False) as stored,
     ):
         part = {
