@@ -1,0 +1,67 @@
+"""The shape of every network adapter, and several adapters joined into one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.camera import Camera
+from doorway3ds.types import Perception
+
+P_OPEN, COLUMNS, DEPTH, FLOOR = "p_open", "columns", "depth", "floor"
+
+
+class Network(Protocol):
+    """Anything that perceives.
+
+    name: as `--network` and the answer call it.
+    gives: which of "p_open", "columns", "depth", "floor" it fills in.
+    """
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def gives(self) -> frozenset[str]: ...
+
+    def __call__(self, image: NDArray[np.uint8], camera: Camera) -> Perception:
+        """Perceives (H, W, 3) uint8 RGB taken by `camera`, which is for W x H pixels."""
+        ...
+
+
+class Joined:
+    """Networks that look at the same picture; what a later one gives replaces an earlier's.
+
+    `cnn-srin+densedepth` is the paper's pair; `doornet+densedepth` is doornet with another depth.
+    """
+
+    def __init__(self, networks: Sequence[Network]) -> None:
+        if not networks:
+            raise ValueError("expected at least one network, got none")
+        self.networks = tuple(networks)
+        self.name = "+".join(network.name for network in self.networks)
+        self.gives = frozenset[str]().union(*(network.gives for network in self.networks))
+
+    def __call__(self, image: NDArray[np.uint8], camera: Camera) -> Perception:
+        seen = [(network, network(image, camera)) for network in self.networks]
+        timings: dict[str, float] = {}
+        for _, perception in seen:
+            for stage, spent in perception.timings_ms.items():
+                timings[stage] = timings.get(stage, 0.0) + spent
+
+        def last(field: str) -> Perception | None:
+            return next((p for network, p in reversed(seen) if field in network.gives), None)
+
+        judge, columns, depth, floor = (last(f) for f in (P_OPEN, COLUMNS, DEPTH, FLOOR))
+        return Perception(
+            p_open=judge.p_open if judge else float("nan"),
+            columns=columns.columns if columns else None,
+            depth_m=depth.depth_m if depth else None,
+            floor=floor.floor if floor else None,
+            depth_error=depth.depth_error if depth else 0.0,
+            network=self.name,
+            timings_ms=timings,
+        )

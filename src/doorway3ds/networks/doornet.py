@@ -1,0 +1,201 @@
+"""`doornet`: one forward pass gives p_open, opening columns, depth in metres and floor.
+
+The file (ONNX, metadata JSON under "doorway3ds") takes "image", float32 (1, 3, h, w) RGB 0..255,
+h and w open multiples of 32, and gives
+- "p_open" (1,): logit that an open doorway is in the picture, temperature scaling included;
+- "score", "left", "right" (1, N): for each of N equal strips of columns the logit that it looks
+  through an open doorway, and the distances from the strip's centre to that doorway's left and
+  right edge as fractions of w;
+- "depth" (1, h', w'): metres for a camera whose focal length is `canonical_f_px` pixels of the
+  network's input; another camera's are longer in proportion to its focal length;
+- "floor" (1, h', w'): logit that the pixel shows floor.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.camera import Camera
+from doorway3ds.networks.base import COLUMNS, DEPTH, FLOOR, P_OPEN
+from doorway3ds.networks.session import Session
+from doorway3ds.types import ColumnVotes, Perception
+
+PIXELS = 192 * 256
+MULTIPLE = 32
+MAX_ASPECT = 2.0  # wider or taller pictures are padded: training saw nothing longer
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where a picture lies on the network's input of `height` x `width` pixels."""
+
+    width: int
+    height: int
+    left: int
+    top: int
+    content_width: int
+    content_height: int
+
+
+def place(width: int, height: int, pixels: int = PIXELS, multiple: int = MULTIPLE) -> Placement:
+    """The input for a picture of width x height: about `pixels`, of its aspect, sides multiples.
+
+    4:3 becomes 256x192, 16:9 288x160. Beyond 1:2 and 2:1 the picture keeps its aspect and lies
+    in the middle.
+    """
+    aspect = width / height
+    held = min(max(aspect, 1 / MAX_ASPECT), MAX_ASPECT)
+    net_width, net_height = (
+        max(1, round(side / multiple)) * multiple
+        for side in (math.sqrt(pixels * held), math.sqrt(pixels / held))
+    )
+    content_width = max(1, round(net_width * min(1.0, aspect / held)))
+    content_height = max(1, round(net_height * min(1.0, held / aspect)))
+    return Placement(
+        net_width,
+        net_height,
+        (net_width - content_width) // 2,
+        (net_height - content_height) // 2,
+        content_width,
+        content_height,
+    )
+
+
+def prepare(image: NDArray[np.uint8], at: Placement) -> NDArray[np.float32]:
+    """(H, W, 3) uint8 RGB to (1, 3, h, w) float32 0..255, edges repeated into the padding."""
+    height, width = image.shape[:2]
+    size = (at.content_width, at.content_height)
+    if (width, height) != size:
+        shrinks = at.content_width * at.content_height < width * height
+        method = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+        image = np.asarray(cv2.resize(image, size, interpolation=method), np.uint8)
+    if size != (at.width, at.height):
+        right = at.width - at.left - at.content_width
+        bottom = at.height - at.top - at.content_height
+        image = np.pad(image, ((at.top, bottom), (at.left, right), (0, 0)), mode="edge")
+    return np.ascontiguousarray(image.transpose(2, 0, 1)[None], np.float32)
+
+
+class DoorNet:
+    """The packaged network, or another file of its signature.
+
+    Raises UserError where the file is missing, damaged or of another signature.
+    """
+
+    gives: ClassVar[frozenset[str]] = frozenset({P_OPEN, COLUMNS, DEPTH, FLOOR})
+    outputs: ClassVar[tuple[str, ...]] = ("p_open", "score", "left", "right", "depth", "floor")
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        name: str = "doornet",
+        sha256: str | None = None,
+        threads: int | None = None,
+        providers: Sequence[str] | None = None,
+    ) -> None:
+        self.name = name
+        self.session = Session(
+            path,
+            [(1, 3, None, None)],
+            self.outputs,
+            sha256=sha256,
+            threads=threads,
+            providers=providers,
+        )
+        self.metadata = self._read_metadata()
+        self._canonical_f_px = float(self.metadata["canonical_f_px"])
+        self._depth_error = float(self.metadata["depth_error"])
+
+    def _read_metadata(self) -> Mapping[str, Any]:
+        text = self.session.metadata.get("doorway3ds", "")
+        expected = "as JSON with canonical_f_px > 0 and depth_error >= 0"
+        try:
+            metadata: Any = json.loads(text)
+            if metadata["canonical_f_px"] > 0 and metadata["depth_error"] >= 0:
+                return dict(metadata)
+        except (ValueError, TypeError, KeyError):
+            pass
+        raise self.session.misfit("doorway3ds", f"in its metadata {expected}", repr(text[:80]))
+
+    def __call__(self, image: NDArray[np.uint8], camera: Camera) -> Perception:
+        start = time.perf_counter()
+        height, width = image.shape[:2]
+        at = place(width, height)
+        tensor = prepare(image, at)
+        prepared = time.perf_counter()
+        answer = self.session.run(tensor)
+        # Depth is as far as the focal length is long, both in pixels of this input.
+        focal = camera.fx * at.content_width / width
+        depth = self._map(answer, "depth", at) * np.float32(focal / self._canonical_f_px)
+        return Perception(
+            p_open=float(_sigmoid(answer["p_open"].reshape(-1)[0])),
+            columns=self._columns(answer, at, width),
+            depth_m=np.where(depth > 0, depth, np.float32(np.nan)),
+            floor=_sigmoid(self._map(answer, "floor", at)),
+            depth_error=self._depth_error,
+            network=self.name,
+            timings_ms={
+                "prepare": (prepared - start) * 1e3,
+                "network": (time.perf_counter() - prepared) * 1e3,
+            },
+        )
+
+    def _columns(
+        self, answer: Mapping[str, NDArray[np.float32]], at: Placement, width: int
+    ) -> ColumnVotes:
+        shapes = {answer[key].shape for key in ("score", "left", "right")}
+        shape = next(iter(shapes))
+        if len(shapes) != 1 or len(shape) != 2 or shape[0] != 1:
+            raise self.session.misfit("score, left and right", "of one shape (1, N)", shapes)
+        count = shape[1]
+        # The picture's own strips, each answered by the input's strip under its centre:
+        # the same strips but for padded pictures.
+        centre = at.left + (np.arange(count) + 0.5) / count * at.content_width
+        strip = np.minimum((centre / at.width * count).astype(int), count - 1)
+        voted = (strip + 0.5) / count * at.width
+
+        def to_picture(edge: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+            columns = (edge - at.left) / at.content_width * width - 0.5
+            return np.clip(columns, -0.5, width - 0.5)
+
+        return ColumnVotes(
+            score=_sigmoid(answer["score"][0, strip]),
+            left_px=to_picture(voted - answer["left"][0, strip] * at.width),
+            right_px=to_picture(voted + answer["right"][0, strip] * at.width),
+        )
+
+    def _map(
+        self, answer: Mapping[str, NDArray[np.float32]], key: str, at: Placement
+    ) -> NDArray[np.float32]:
+        """One (h', w') map without its padding."""
+        value = answer[key]
+        if value.ndim != 3 or value.shape[0] != 1:
+            raise self.session.misfit(key, "of shape (1, h, w)", value.shape)
+        rows = _crop(value.shape[1], at.height, at.top, at.content_height)
+        columns = _crop(value.shape[2], at.width, at.left, at.content_width)
+        return value[0, rows, columns]
+
+
+def _crop(count: int, total: int, start: int, length: int) -> slice:
+    """The part of `count` cells over `total` pixels that covers start .. start + length."""
+    first = min(round(start * count / total), count - 1)
+    return slice(first, max(first + 1, round((start + length) * count / total)))
+
+
+def _sigmoid(logits: Any) -> NDArray[np.float32]:
+    # By tanh it neither overflows nor loses the small end to rounding that matters here.
+    value: NDArray[np.float32] = np.asarray(
+        0.5 * (1.0 + np.tanh(0.5 * np.asarray(logits, np.float64))), np.float32
+    )
+    return value

@@ -1,0 +1,237 @@
+"""The networks that have a name: where each file lies, what it is, and how to get it."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from doorway3ds.errors import CallError, UserError
+from doorway3ds.files import write_bytes
+from doorway3ds.networks.base import Joined, Network
+from doorway3ds.networks.session import digest
+
+WEIGHTS = Path(__file__).resolve().parent.parent / "weights"
+FOLDER_VARIABLE = "DOORWAY3DS_MODELS"
+
+
+@dataclass(frozen=True)
+class Model:
+    """One network with a name.
+
+    gives: in words. contract: what its ONNX file takes, in words.
+    make: the command that makes or fetches the file.
+    url, sha256: where `3ds models fetch` finds it without being told, if anywhere.
+    licence: of the published weights; a card beside the file says it of the file itself.
+    """
+
+    name: str
+    about: str
+    gives: tuple[str, ...]
+    contract: str
+    make: str
+    licence: str
+    packaged: bool = False
+    url: str | None = None
+    sha256: str | None = None
+
+    @property
+    def path(self) -> Path:
+        folder = WEIGHTS if self.packaged else models_folder()
+        return folder / f"{self.name}.onnx"
+
+
+@dataclass(frozen=True)
+class Card:
+    """What is known of one file: JSON beside it, NAME.json for NAME.onnx."""
+
+    sha256: str | None = None
+    licence: str | None = None
+    source: str | None = None
+    more: Mapping[str, Any] = field(default_factory=dict)
+
+
+_FILE_OPTIONS = "`3ds models import {0} FILE.onnx` or `3ds models fetch {0} --url URL --sha256 HEX`"
+
+MODELS: Mapping[str, Model] = {
+    model.name: model
+    for model in (
+        Model(
+            name="doornet",
+            about="one small network for everything, packaged",
+            gives=("p_open", "columns", "depth", "floor"),
+            contract="RGB 0..255, 1x3xHxW, H and W multiples of 32",
+            make="it comes with the package: pip install --force-reinstall doorway3ds",
+            licence="Apache-2.0",
+            packaged=True,
+        ),
+        Model(
+            name="cnn-srin",
+            about="the paper's classifier (VGG16)",
+            gives=("p_open",),
+            contract="RGB 0..255, 1x224x224x3 or 1x3x224x224",
+            make="`3ds train cnn-srin DATASET`, then " + _FILE_OPTIONS.format("cnn-srin"),
+            licence="of its training pictures",
+        ),
+        Model(
+            name="densedepth",
+            about="the paper's depth network (DenseNet-169)",
+            gives=("depth",),
+            contract="RGB 0..1, 1x480x640x3 or 1x3x480x640",
+            make="`3ds train densedepth DATASET`, then " + _FILE_OPTIONS.format("densedepth"),
+            licence="of its training pictures",
+        ),
+    )
+}
+
+
+def models_folder() -> Path:
+    """Where fetched and imported networks lie: $DOORWAY3DS_MODELS or the user's cache folder."""
+    if folder := os.environ.get(FOLDER_VARIABLE):
+        return Path(folder)
+    import pooch
+
+    return Path(pooch.os_cache("doorway3ds"))
+
+
+def find(name: str) -> Model:
+    """The model called `name`; CallError names those there are."""
+    if name not in MODELS:
+        raise CallError(
+            f"no network {name!r}; expected {', '.join(MODELS)}, two joined by '+', "
+            f"or the path of an .onnx file"
+        )
+    return MODELS[name]
+
+
+def read_card(path: Path) -> Card:
+    """The card beside the ONNX file `path`; an empty one where there is none.
+
+    Raises UserError where the card is no JSON object.
+    """
+    card = path.with_suffix(".json")
+    try:
+        data: Any = json.loads(card.read_bytes())
+    except FileNotFoundError:
+        return Card()
+    except (OSError, ValueError) as error:
+        raise UserError(f"model card {card} cannot be read: {error}; delete it") from error
+    if not isinstance(data, dict):
+        raise UserError(f"model card {card} must be a JSON object, got {type(data).__name__}")
+    known = {key: data.pop(key, None) for key in ("sha256", "licence", "source")}
+    return Card(**known, more=data)
+
+
+def write_card(path: Path, card: Card) -> None:
+    """Writes `card` beside the ONNX file `path`."""
+    known = {"sha256": card.sha256, "licence": card.licence, "source": card.source}
+    text = json.dumps({**known, **card.more}, indent=2) + "\n"
+    write_bytes(path.with_suffix(".json"), text.encode())
+
+
+def install(
+    name: str, file: Path, *, source: str, licence: str | None = None, sha256: str | None = None
+) -> Path:
+    """Copies `file` to where network `name` lies, once the copy opens with the right signature.
+
+    The file it replaces stays until then. source: what messages and the card call it.
+
+    Raises CallError for a packaged network, UserError for another digest or signature.
+    """
+    model = find(name)
+    if model.packaged:
+        raise CallError(f"{name} is packaged; pass another file to --network by its path")
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise UserError(f"cannot read {source}: {error.strerror}") from error
+    # Tried where it will lie, as a file with weights in a second one fails only there.
+    trial = write_bytes(model.path.with_name(f".{name}.trial.onnx"), data)
+    try:
+        _adapter(name)(trial, name=name, sha256=sha256)
+        card = Card(sha256=digest(trial), licence=licence, source=source)
+        trial.replace(model.path)
+        write_card(model.path, card)
+    except OSError as error:
+        raise UserError(f"cannot write {model.path}: {error.strerror}") from error
+    except UserError as error:
+        raise UserError(str(error).replace(str(trial), source)) from error
+    finally:
+        trial.unlink(missing_ok=True)
+    return model.path
+
+
+def load(name: str, *, threads: int | None = None, needs: Iterable[str] = ()) -> Network:
+    """The network or networks of `NAME[+NAME]`; each NAME from the registry or an .onnx path.
+
+    needs: what the caller requires of them together ("p_open", "columns", "depth", "floor").
+
+    Raises CallError for an unknown name or where something needed is not given; UserError where
+    a file is missing (saying how to get it), damaged or of another signature.
+    """
+    parts = [_load_one(part, threads) for part in name.split("+")]
+    network = parts[0] if len(parts) == 1 else Joined(parts)
+    lacking = [need for need in needs if need not in network.gives]
+    if lacking:
+        raise CallError(
+            f"network {name} gives {', '.join(sorted(network.gives))} but {', '.join(lacking)} "
+            f"is needed here; join one that gives it, as in doornet+densedepth"
+        )
+    return network
+
+
+def _load_one(name: str, threads: int | None) -> Network:
+    if name.endswith(".onnx"):
+        path = Path(name)
+        if not path.is_file():
+            raise UserError(f"no network file {path}; expected an existing .onnx file")
+        adapter, sha256 = _adapter(kind_of(path)), read_card(path).sha256
+        return adapter(path, name=name, sha256=sha256, threads=threads)
+    model = find(name)
+    if not model.path.is_file():
+        raise UserError(f"network {name} has no file {model.path}; to get it: {model.make}")
+    # The card first: a user's own fetched file replaces what the registry knows.
+    sha256 = read_card(model.path).sha256 or model.sha256
+    return _adapter(name)(model.path, name=name, sha256=sha256, threads=threads)
+
+
+def kind_of(path: Path) -> str:
+    """Which adapter an ONNX file is for, by the names of its outputs."""
+    from doorway3ds.networks.session import output_names
+
+    names = output_names(path)
+    for kind in MODELS:
+        if set(_adapter(kind).outputs) <= names:
+            return kind
+    raise UserError(
+        f"network file {path} has another signature: expected outputs of one of "
+        f"{', '.join(MODELS)}, got {', '.join(sorted(names))}"
+    )
+
+
+class _Adapter(Protocol):
+    """What every adapter class is called with."""
+
+    outputs: tuple[str, ...]
+
+    def __call__(
+        self, path: Path, *, name: str, sha256: str | None, threads: int | None = None
+    ) -> Network: ...
+
+
+def _adapter(name: str) -> _Adapter:
+    """The adapter class of a registered name."""
+    if name == "doornet":
+        from doorway3ds.networks.doornet import DoorNet
+
+        return DoorNet
+    if name == "cnn-srin":
+        from doorway3ds.networks.cnn_srin import CnnSrin
+
+        return CnnSrin
+    from doorway3ds.networks.densedepth import DenseDepth
+
+    return DenseDepth

@@ -1,0 +1,176 @@
+"""One ONNX Runtime session: opened with a checked signature, run with checked answers."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.errors import UserError
+
+PROVIDERS = ("CUDAExecutionProvider", "CoreMLExecutionProvider", "CPUExecutionProvider")
+MAX_THREADS = 8  # these networks are small: more threads wait for each other
+
+Shape = tuple[int | None, ...]
+"""Sizes by axis; None: the file must leave this size open."""
+
+
+def available_threads() -> int:
+    """CPUs that this process may use, at most MAX_THREADS."""
+    affinity = getattr(os, "sched_getaffinity", None)
+    count = len(affinity(0)) if affinity else os.cpu_count() or 1
+    return min(count, MAX_THREADS)
+
+
+def available_providers() -> list[str]:
+    """What this build of ONNX Runtime can run on, the fastest first."""
+    import onnxruntime as ort
+
+    present = set(ort.get_available_providers())
+    return [name for name in PROVIDERS if name in present]
+
+
+class Session:
+    """An ONNX file that takes one float32 picture and gives named float32 arrays.
+
+    path: the ONNX file.
+    shapes: layouts allowed for the input "image"; a file may leave a fixed size open, too.
+    outputs: names that the file must give; it may give more.
+    sha256: refuse a file whose digest is another.
+    threads: per operator; default `available_threads()`.
+    providers: default `available_providers()`.
+
+    Raises UserError: no such file, damaged, or of another signature.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        shapes: Sequence[Shape],
+        outputs: Sequence[str],
+        *,
+        sha256: str | None = None,
+        threads: int | None = None,
+        providers: Sequence[str] | None = None,
+    ) -> None:
+        self.path = Path(path)
+        if not self.path.is_file():
+            raise UserError(f"no network file {self.path}")
+        if sha256 is not None and (found := digest(self.path)) != sha256:
+            raise UserError(
+                f"network file {self.path} is damaged: its SHA-256 begins {found[:12]}, "
+                f"expected {sha256[:12]}; fetch or make it again"
+            )
+        self._session = _open(self.path, threads, providers)
+        self.outputs = tuple(outputs)
+        self.layout = self._check(shapes)
+        self.metadata: Mapping[str, str] = self._session.get_modelmeta().custom_metadata_map
+
+    def _check(self, shapes: Sequence[Shape]) -> Shape:
+        """The layout among `shapes` that the file has."""
+        expected = f'one float32 input "image" of shape {_or(shapes)} and {_names(self.outputs)}'
+        inputs = self._session.get_inputs()
+        gives = {output.name: output for output in self._session.get_outputs()}
+        if [(i.name, i.type) for i in inputs] == [("image", "tensor(float)")]:
+            shape = tuple(n if isinstance(n, int) else None for n in inputs[0].shape)
+            for layout in shapes:
+                if _fits(shape, layout) and all(
+                    name in gives and gives[name].type == "tensor(float)" for name in self.outputs
+                ):
+                    return layout
+        found = ", ".join(f'"{i.name}" {i.shape} {i.type}' for i in inputs) or "none"
+        raise UserError(
+            f"network file {self.path} has another signature: expected {expected}, "
+            f"got input {found} and {_names(gives)}"
+        )
+
+    def run(self, image: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:
+        """The outputs by name for one picture of this session's layout.
+
+        Raises UserError where the network fails on it or gives values that are not finite.
+        """
+        try:
+            values = self._session.run(list(self.outputs), {"image": image})
+        except Exception as error:
+            raise UserError(f"network file {self.path} failed: {_brief(error)}") from error
+        for name, value in zip(self.outputs, values, strict=True):
+            if not np.isfinite(value).all():
+                raise UserError(
+                    f"network file {self.path} gave values that are not finite in {name!r}; "
+                    f"it is damaged or badly trained"
+                )
+        return dict(zip(self.outputs, values, strict=True))
+
+    def warm_up(self, height: int, width: int) -> None:
+        """Runs once on a black picture, so that the first real one is as fast as the next.
+
+        height, width: for the sizes that the layout leaves open.
+        """
+        open_sizes = iter((height, width))
+        shape = [next(open_sizes) if size is None else size for size in self.layout]
+        self.run(np.zeros(shape, np.float32))
+
+    def misfit(self, name: str, expected: str, got: object) -> UserError:
+        """The error for an output of an unusable shape."""
+        return UserError(
+            f"network file {self.path} has another signature: expected {name!r} {expected}, "
+            f"got {got}"
+        )
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def output_names(path: Path) -> set[str]:
+    """Names of the outputs of any ONNX file; UserError where it is damaged."""
+    return {output.name for output in _open(path, 1, ["CPUExecutionProvider"]).get_outputs()}
+
+
+def _open(path: Path, threads: int | None, providers: Sequence[str] | None) -> Any:
+    import onnxruntime as ort
+
+    options = ort.SessionOptions()
+    options.intra_op_num_threads = threads or available_threads()
+    options.inter_op_num_threads = 1
+    options.use_deterministic_compute = True
+    options.log_severity_level = 4  # what matters arrives as an exception
+    try:
+        return ort.InferenceSession(
+            os.fspath(path), options, providers=list(providers or available_providers())
+        )
+    # ONNX Runtime's exceptions share no base class of their own.
+    except Exception as error:
+        raise UserError(
+            f"network file {path} cannot be opened: {_brief(error)}; it is damaged or no ONNX file"
+        ) from error
+
+
+def _fits(shape: Shape, layout: Shape) -> bool:
+    return len(shape) == len(layout) and all(
+        size is None or size == wanted for size, wanted in zip(shape, layout, strict=True)
+    )
+
+
+def _or(shapes: Sequence[Shape]) -> str:
+    return " or ".join(
+        "(" + ", ".join("any" if size is None else str(size) for size in shape) + ")"
+        for shape in shapes
+    )
+
+
+def _names(names: Sequence[str] | Mapping[str, Any]) -> str:
+    return f"outputs {', '.join(names)}" if names else "no outputs"
+
+
+def _brief(error: Exception) -> str:
+    """The first line of an ONNX Runtime message, without its code and file positions."""
+    line = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+    return line.removeprefix("[ONNXRuntimeError] : ")[:160]

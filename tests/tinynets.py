@@ -1,0 +1,145 @@
+"""ONNX files of the networks' signatures that compute something simple and known."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+from onnx import TensorProto, helper, numpy_helper
+
+STRIPS = 16
+METADATA = {"name": "doornet", "version": "test", "canonical_f_px": 200.0, "depth_error": 0.1}
+
+
+def _save(
+    path: Path,
+    shape: list[Any],
+    nodes: list[onnx.NodeProto],
+    outputs: dict[str, list[Any]],
+    constants: dict[str, np.ndarray],
+    metadata: dict[str, Any] | None = None,
+    input_name: str = "image",
+) -> Path:
+    graph = helper.make_graph(
+        nodes,
+        "tiny",
+        [helper.make_tensor_value_info(input_name, TensorProto.FLOAT, shape)],
+        [helper.make_tensor_value_info(n, TensorProto.FLOAT, s) for n, s in outputs.items()],
+        [numpy_helper.from_array(value, name) for name, value in constants.items()],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
+    if metadata is not None:
+        helper.set_model_props(model, {"doorway3ds": json.dumps(metadata)})
+    path.parent.mkdir(parents=True, exist_ok=True)
+    onnx.save(model, path)
+    return path
+
+
+def doornet(
+    path: Path,
+    *,
+    p_open: float = 3.0,
+    left: float = 0.4,
+    right: float = 0.6,
+    nearest: float = 1.0,
+    metadata: dict[str, Any] | None = None,
+    drop: str | None = None,
+    input_name: str = "image",
+) -> Path:
+    """A door from `left` to `right` (fractions of the input's width) in every picture.
+
+    p_open: the logit. depth: `nearest` + red / 100 metres at a quarter of the input's size, for the
+    canonical camera. floor: logit 4 on the lower half, -4 on the upper. drop: an output left out.
+    """
+    centre = (np.arange(STRIPS, dtype=np.float32)[None] + 0.5) / STRIPS
+    inside = (centre > left) & (centre < right)
+    constants = {
+        "p": np.array([p_open], np.float32),
+        "s": np.where(inside, 4.0, -6.0).astype(np.float32),
+        "l": np.maximum(centre - left, 0).astype(np.float32),
+        "r": np.maximum(right - centre, 0).astype(np.float32),
+        "axis": np.array([1], np.int64),
+        "from": np.array([0], np.int64),
+        "to": np.array([1], np.int64),
+        "hundred": np.array(100, np.float32),
+        "nearest": np.array(nearest, np.float32),
+        "zero": np.array(0, np.float32),
+        "rows": np.linspace(-4, 4, 48, dtype=np.float32).reshape(1, 48, 1),
+    }
+    node = helper.make_node
+    nodes = [
+        node("Slice", [input_name, "from", "to", "axis"], ["red4"]),
+        node("AveragePool", ["red4"], ["small"], kernel_shape=[4, 4], strides=[4, 4]),
+        node("Squeeze", ["small", "axis"], ["red"]),
+        node("Div", ["red", "hundred"], ["d1"]),
+        node("Add", ["d1", "nearest"], ["depth"]),
+        # Red falls out of the sum but keeps the map as wide as the input.
+        node("ReduceMean", ["small"], ["row4"], axes=[2], keepdims=0),
+        node("Mul", ["row4", "zero"], ["blank"]),
+        node("Add", ["rows", "blank"], ["floor"]),
+        node("Identity", ["p"], ["p_open"]),
+        node("Identity", ["s"], ["score"]),
+        node("Identity", ["l"], ["left"]),
+        node("Identity", ["r"], ["right"]),
+    ]
+    outputs: dict[str, list[Any]] = {
+        "p_open": [1],
+        "score": [1, STRIPS],
+        "left": [1, STRIPS],
+        "right": [1, STRIPS],
+        "depth": [1, "dh", "dw"],
+        "floor": [1, 48, "fw"],
+    }
+    if drop:
+        del outputs[drop]
+    return _save(
+        path,
+        [1, 3, "h", "w"],
+        nodes,
+        outputs,
+        constants,
+        METADATA if metadata is None else metadata,
+        input_name,
+    )
+
+
+def cnn_srin(path: Path, *, channels_last: bool = True, scale: float = 1 / 255) -> Path:
+    """p_open is the mean of red times `scale`."""
+    shape = [1, 224, 224, 3] if channels_last else [1, 3, 224, 224]
+    axis = 3 if channels_last else 1
+    constants = {
+        "axis": np.array([axis], np.int64),
+        "from": np.array([0], np.int64),
+        "to": np.array([1], np.int64),
+        "scale": np.array(scale, np.float32),
+    }
+    nodes = [
+        helper.make_node("Slice", ["image", "from", "to", "axis"], ["red"]),
+        helper.make_node("ReduceMean", ["red"], ["mean"], axes=[0, 1, 2, 3], keepdims=0),
+        helper.make_node("Mul", ["mean", "scale"], ["scaled"]),
+        helper.make_node("Unsqueeze", ["scaled", "from"], ["p_open"]),
+    ]
+    return _save(path, shape, nodes, {"p_open": [1]}, constants)
+
+
+def densedepth(path: Path, *, channels_last: bool = True, gain: float = 10.0) -> Path:
+    """The raw output (10 m / depth) is red (0..1) times `gain`."""
+    shape = [1, 480, 640, 3] if channels_last else [1, 3, 480, 640]
+    constants = {
+        "axis": np.array([1], np.int64),
+        "from": np.array([0], np.int64),
+        "to": np.array([1], np.int64),
+        "gain": np.array(gain, np.float32),
+    }
+    nodes = [
+        helper.make_node("Transpose", ["image"], ["nchw"], perm=[0, 3, 1, 2])
+        if channels_last
+        else helper.make_node("Identity", ["image"], ["nchw"]),
+        helper.make_node("Slice", ["nchw", "from", "to", "axis"], ["red"]),
+        helper.make_node("AveragePool", ["red"], ["small"], kernel_shape=[2, 2], strides=[2, 2]),
+        helper.make_node("Mul", ["small", "gain"], ["depth"]),
+    ]
+    return _save(path, shape, nodes, {"depth": [1, 1, 240, 320]}, constants)
