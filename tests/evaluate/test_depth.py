@@ -2,9 +2,23 @@ import numpy as np
 import pytest
 
 from doorway3ds.camera import Camera
+from doorway3ds.errors import UserError
 from doorway3ds.evaluate import depth
+from doorway3ds.evaluate.runners import predicted_depth
+from doorway3ds.types import Frame, Perception
 
 CAMERA = Camera("off centre", 8, 6, 10.0, 10.0, 2.0, 2.5)
+
+
+def averages(network, image):
+    """(plain, average of both mirrorings) as evaluation computes them."""
+    frame = Frame(image, CAMERA)
+
+    def perceive(picture, camera):
+        return Perception(0.5, depth_m=network(picture, camera))
+
+    maps = dict(predicted_depth("toy", perceive, frame, mirror=True))
+    return maps[False], maps[True]
 
 
 def test_mirrored_averaging_of_a_biased_network():
@@ -17,17 +31,24 @@ def test_mirrored_averaging_of_a_biased_network():
 
     image = np.zeros((6, 8, 3), np.uint8)
     image[:, 0] = 4
-    average = depth.mirrored_average(network, image, CAMERA)
+    plain, average = averages(network, image)
     expected = np.full((6, 8), 3.5)
     expected[:, 0] += 4
     np.testing.assert_allclose(average, expected)
+    assert plain[0].tolist() == [4, 1, 2, 3, 4, 5, 6, 7]
     assert seen == [(4, 2.0), (0, 5.0)]  # the camera is mirrored with the picture
 
 
 def test_a_symmetric_network_is_left_as_it_is():
     image = np.random.default_rng(0).integers(0, 255, (6, 8, 3), np.uint8)
-    network = lambda im, camera: im[..., 1].astype(np.float32)  # noqa: E731
-    np.testing.assert_array_equal(depth.mirrored_average(network, image, CAMERA), image[..., 1])
+    plain, average = averages(lambda picture, _: picture[..., 1].astype(np.float32), image)
+    np.testing.assert_array_equal(plain, average)
+
+
+def test_a_network_without_depth_is_refused():
+    frame = Frame(np.zeros((6, 8, 3), np.uint8), CAMERA)
+    with pytest.raises(UserError, match="'toy' gives no depth"):
+        list(predicted_depth("toy", lambda *_: Perception(0.5), frame, mirror=False))
 
 
 def test_mean_over_pictures_and_over_pixels_differ_as_they_should():

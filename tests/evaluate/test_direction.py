@@ -154,10 +154,13 @@ def test_a_closed_gate_does_not_hide_where_the_paper_method_points():
     answer = {
         "openings": [],
         "bearing_deg": None,
-        "selection_bearing_deg": 4.5,
-        "range_m": 3.0,
+        "range_m": None,
         "reason": "no_door",
         "p_open": 0.1,
-        "clear": True,
+        "clear": None,
     }
-    assert direction.record_from_json(truth, answer).listed == ((4.5, 3.0),)
+    bare = direction.record_from_json(truth, answer)
+    assert (bare.listed, bare.clear) == ((), None)
+    answer["selection"] = {"bearing_deg": 4.5, "range_m": 3.0, "clear": True}
+    full = direction.record_from_json(truth, answer)
+    assert (full.listed, full.clear) == (((4.5, 3.0),), True)

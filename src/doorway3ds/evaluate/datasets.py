@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -83,8 +84,6 @@ class Dataset:
 
 def load_frame(sample: Sample) -> Frame:
     """Decode, crop and stretch a sample's picture. Raises UserError where it cannot be read."""
-    import cv2
-
     picture = read_image(sample.image_path)
     image = _cropped(picture.image, sample)
     if sample.size is not None:
@@ -101,8 +100,6 @@ def load_frame(sample: Sample) -> Frame:
 
 def load_depth(sample: Sample) -> NDArray[np.float32] | None:
     """True depth (H, W) in metres, nan where unknown; None where the sample has none."""
-    import cv2
-
     if sample.depth_path is None:
         return None
     raw = cv2.imread(str(sample.depth_path), cv2.IMREAD_UNCHANGED)
@@ -115,8 +112,6 @@ def load_depth(sample: Sample) -> NDArray[np.float32] | None:
 
 def kinds_shown(sample: Sample) -> tuple[str, ...]:
     """The sample's own kinds, and those that its label picture shows on 2 % of its pixels."""
-    import cv2
-
     if sample.labels_path is None:
         return sample.kinds
     labels = cv2.imread(str(sample.labels_path), cv2.IMREAD_UNCHANGED)

@@ -7,18 +7,16 @@ and also over all pixels together (`pooled`), because publications use both.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Camera
 from doorway3ds.evaluate.intervals import Interval, mean_interval
 from doorway3ds.evaluate.metrics import DEPTH_LIMITS_M, DepthErrors, depth_errors
-
-DepthNetwork = Callable[[NDArray[np.uint8], Camera], NDArray[np.float32]]
 
 MEASURES = ("delta1", "delta2", "delta3", "abs_rel", "rmse", "log10")
 
@@ -52,23 +50,12 @@ class DepthMetrics:
 
 def resize_map(depth_m: NDArray[Any], height: int, width: int) -> NDArray[np.float32]:
     """A map (h, w) that covers the whole picture, bilinear, at (height, width)."""
-    import cv2
-
     source = np.asarray(depth_m, np.float32)
     if source.shape == (height, width):
         return source
     return np.asarray(
         cv2.resize(source, (width, height), interpolation=cv2.INTER_LINEAR), np.float32
     )
-
-
-def mirrored_average(
-    network: DepthNetwork, image: NDArray[np.uint8], camera: Camera
-) -> NDArray[np.float32]:
-    """Mean of the network's map and of its map of the mirrored picture, mirrored back."""
-    plain = network(image, camera)
-    flipped = network(np.ascontiguousarray(image[:, ::-1]), camera.mirrored())
-    return average_with_mirrored(plain, flipped)
 
 
 def average_with_mirrored(

@@ -6,7 +6,8 @@ selected pixel). It is compared with the nearest of the picture's marked opening
 (`second`) ones included. A picture with a doorway and without any listed opening is wrong in
 `within` and `inside`, and is left out of the error's median and percentile, which stand
 beside the share `listed`. The way counts as that to the same, nearest, marked opening; where
-nothing is listed, as that to the main one.
+nothing is listed, as that to the main one. Bearing and way are the geometry's, also where
+the gate is closed (`no_door`).
 """
 
 from __future__ import annotations
@@ -176,25 +177,26 @@ def record_from_decision(truth: PictureTruth, decision: Decision) -> DirectionRe
 
 
 def record_from_json(truth: PictureTruth, answer: Mapping[str, Any]) -> DirectionRecord:
-    """The record of one object as `3ds look --json` and `--save-predictions` write it.
+    """The record of one object as `3ds look --json` and `--save-answers` write it.
 
-    `selection_bearing_deg`, which the latter adds, tells where `paper` points when its gate
-    is closed; without it such a picture has nothing listed. Raises KeyError, TypeError or
-    ValueError on an object of another kind.
+    The latter adds `selection`: what the geometry says where the gate is closed. Without it a
+    picture that is `no_door` has no way and, by the `paper` method, nothing listed. Raises
+    KeyError, TypeError or ValueError on an object of another kind.
     """
     listed = tuple(
         (float(o["bearing_deg"]), _optional(o.get("range_m"))) for o in answer["openings"]
     )
-    pointed = _optional(answer.get("selection_bearing_deg", answer["bearing_deg"]))
+    found = answer.get("selection", answer)
+    pointed = _optional(found["bearing_deg"])
     if not listed and pointed is not None:
-        listed = ((pointed, _optional(answer.get("range_m"))),)
-    p_open = answer["p_open"]
+        listed = ((pointed, _optional(found["range_m"])),)
+    p_open, clear = answer["p_open"], found["clear"]
     return DirectionRecord(
         truth,
         listed,
         str(answer["reason"]),
         math.nan if p_open is None else float(p_open),
-        None if answer["clear"] is None else bool(answer["clear"]),
+        None if clear is None else bool(clear),
     )
 
 

@@ -336,6 +336,8 @@ def _flag(row: Mapping[str, str], column: str, where: str) -> bool | None:
 
 
 def _existing(path: Path, name: str, where: str) -> Path:
+    if Path(name).is_absolute() or ".." in Path(name).parts:
+        raise UserError(f"{where}: expected a picture's name below the folder, got '{name}'")
     for candidate in (path / "images" / name, path / name):
         if candidate.is_file():
             return candidate
