@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,9 @@ class Joined:
         self.networks = tuple(networks)
         self.name = "+".join(network.name for network in self.networks)
         self.gives = frozenset[str]().union(*(network.gives for network in self.networks))
+        self.thresholds = next(
+            (thresholds_of(n) for n in reversed(self.networks) if COLUMNS in n.gives), {}
+        )
 
     def __call__(self, image: NDArray[np.uint8], camera: Camera) -> Perception:
         seen = [(network, network(image, camera)) for network in self.networks]
@@ -65,3 +68,8 @@ class Joined:
             network=self.name,
             timings_ms=timings,
         )
+
+
+def thresholds_of(network: Network) -> Mapping[str, Any]:
+    """Limits of the `opening` method that this network was measured with, by their names."""
+    return getattr(network, "thresholds", None) or {}

@@ -9,6 +9,8 @@ h and w open multiples of 32, and gives
 - "depth" (1, h', w'): metres for a camera whose focal length is `canonical_f_px` pixels of the
   network's input; another camera's are longer in proportion to its focal length;
 - "floor" (1, h', w'): logit that the pixel shows floor.
+Metadata: `canonical_f_px`, `depth_error` (relative standard deviation), and if it has them
+`thresholds`, limits of the `opening` method chosen with this network.
 """
 
 from __future__ import annotations
@@ -114,6 +116,7 @@ class DoorNet:
             providers=providers,
         )
         self.metadata = self._read_metadata()
+        self.thresholds: Mapping[str, Any] = self.metadata.get("thresholds") or {}
         self._canonical_f_px = float(self.metadata["canonical_f_px"])
         self._depth_error = float(self.metadata["depth_error"])
 

@@ -1,0 +1,241 @@
+"""`3ds look`: pictures in, one decision each, and an annotated picture."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from doorway3ds.cli._camera import CameraChoice, CameraOptions, require_range
+from doorway3ds.cli._inputs import Input, expand
+from doorway3ds.cli._progress import Progress
+from doorway3ds.errors import CallError, UserError
+
+if TYPE_CHECKING:
+    from doorway3ds.pipeline import Pipeline
+    from doorway3ds.types import Decision
+
+OUT = Path("3ds-out")
+
+
+def look(
+    images: Annotated[
+        list[str], typer.Argument(metavar="IMAGE...", help="Files, folders, or - for stdin.")
+    ],
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON object per image and line.")
+    ] = False,
+    method: Annotated[str, typer.Option(help="opening or paper.")] = "opening",
+    network: Annotated[
+        str, typer.Option(metavar="NAME[+NAME]", help="See `3ds models`; or an .onnx file.")
+    ] = "doornet",
+    camera: Annotated[
+        str | None, typer.Option(metavar="PRESET|FILE", help="Preset or ROS camera_info YAML.")
+    ] = None,
+    fov_deg: Annotated[float | None, typer.Option(help="Horizontal field of view.")] = None,
+    height_m: Annotated[float | None, typer.Option(help="Camera above the floor.")] = None,
+    pitch_deg: Annotated[float | None, typer.Option(help="Camera's pitch, + up.")] = None,
+    roll_deg: Annotated[float | None, typer.Option(help="Camera's roll.")] = None,
+    width_m: Annotated[float | None, typer.Option(help="Robot's width; NAO's by default.")] = None,
+    max_unseen_m: Annotated[
+        float | None,
+        typer.Option(help="Abstain where the floor comes into view only beyond this distance."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help=f"Annotated pictures; ./{OUT} if not --json.")
+    ] = None,
+    depth_dir: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Depth maps in metres, .npy.")
+    ] = None,
+    threads: Annotated[int | None, typer.Option(min=1, help="For the network.")] = None,
+) -> None:
+    """Say for each picture whether a doorway is open, where, and how far to turn.
+
+    Exit status: 0 every image was answered, 1 some were not, 2 wrong call.
+    """
+    options = CameraOptions(camera, fov_deg, height_m, pitch_deg, roll_deg)
+    pipeline, choice = _set_up(method, network, options, width_m, max_unseen_m, threads)
+    if out is None and not as_json:
+        out = OUT
+    for folder in (out, depth_dir):
+        if folder is not None:
+            _make_folder(folder)
+
+    import cv2
+
+    # A damaged file's one line is ours; OpenCV would add several.
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    inputs, errors = expand(images)
+    for message in errors:
+        _complain(message)
+    job = _Job(pipeline, choice, as_json, out, depth_dir)
+    failed = len(errors)
+    start = time.monotonic()
+    with Progress(len(inputs)) as progress:
+        for done, image in enumerate(inputs):
+            progress.show(done)
+            try:
+                decision, line = job.decide(image)
+                progress.clear()
+                sys.stdout.write(line + "\n")
+                sys.stdout.flush()
+                job.write(image, decision)
+            except UserError as error:
+                progress.clear()
+                _complain(str(error))
+                failed += 1
+    if len(inputs) > 1:
+        _summarise(len(inputs) + len(errors), failed, time.monotonic() - start, out)
+    if failed:
+        raise typer.Exit(1)
+
+
+@dataclass(frozen=True)
+class _Job:
+    """What is done with each image."""
+
+    pipeline: Pipeline
+    choice: CameraChoice
+    as_json: bool
+    out: Path | None
+    depth_dir: Path | None
+
+    def decide(self, image: Input) -> tuple[Decision, str]:
+        """The decision and the line that says it."""
+        from doorway3ds.images import read_image
+        from doorway3ds.types import Frame
+
+        source = image.read()
+        start = time.perf_counter()
+        name = "standard input" if image.name == "-" else image.name
+        picture = read_image(source, name=name)
+        decoded = (time.perf_counter() - start) * 1e3
+        height, width = picture.image.shape[:2]
+        try:
+            camera = self.choice.fit(width, height, picture.focal_35mm)
+            decision = self.pipeline.decide(Frame(picture.image, camera, self.choice.pose))
+        except UserError as error:
+            raise UserError(f"{name}: {error}") from error
+        decision = replace(decision, timings_ms={"decode": decoded, **decision.timings_ms})
+        if self.as_json:
+            return decision, json.dumps(decision.to_dict(image.name), allow_nan=False)
+        return decision, f"{image.name}: {describe(decision)}"
+
+    def write(self, image: Input, decision: Decision) -> None:
+        """The annotated picture and the depth map, where they are asked for."""
+        if self.out is not None:
+            from doorway3ds.draw import annotate
+            from doorway3ds.images import write_image
+
+            # Another name than the input's: --out may be the folder that holds the photographs.
+            write_image(self.out / f"{image.stem}_3ds.jpg", annotate(decision))
+        if self.depth_dir is not None:
+            depth = decision.perception.depth_m
+            if depth is None:
+                raise UserError(
+                    f"{image.name}: network {decision.perception.network} gives no depth"
+                )
+            _write_array(self.depth_dir / f"{image.stem}.npy", depth)
+
+
+def describe(decision: Decision) -> str:
+    """A decision in one line: "open door 0.94 · 12.4 deg left · 2.8 m · way free · turn ..."."""
+    from doorway3ds.types import Reason
+
+    found = decision.selection
+    parts = [f"{'open door' if decision.open else 'no open door'} {decision.p_open:.2f}"]
+    if decision.reason is not Reason.NO_DOOR:
+        if found.bearing_deg is not None:
+            parts.append(_turned(found.bearing_deg))
+        parts.append("distance unknown" if found.range_m is None else f"{found.range_m:.1f} m")
+        parts.append({True: "way free", False: "way blocked", None: "way not seen"}[found.clear])
+    if decision.reason is Reason.TURN and decision.turn_deg is not None:
+        side = "left" if decision.turn_deg > 0 else "right"
+        parts.append(f"turn {side} {abs(decision.turn_deg):.1f} deg")
+    elif decision.reason is Reason.ALIGNED:
+        parts.append("facing it")
+    elif decision.reason is Reason.UNSURE:
+        parts.append(f"unsure: {found.unsure or 'no bearing'}")
+        parts.append(f"look {found.look}" if found.look else "stay")
+    else:
+        parts.append("stay")
+    camera = decision.frame.camera
+    if camera.assumed:
+        name = camera.name
+        parts.append(f"camera {name if name.startswith('assumed') else f'assumed ({name})'}")
+    return " · ".join(parts)
+
+
+def _turned(bearing_deg: float) -> str:
+    if abs(bearing_deg) < 0.05:
+        return "straight ahead"
+    return f"{abs(bearing_deg):.1f} deg {'left' if bearing_deg > 0 else 'right'}"
+
+
+def _set_up(
+    method: str,
+    network: str,
+    options: CameraOptions,
+    width_m: float | None,
+    max_unseen_m: float | None,
+    threads: int | None,
+) -> tuple[Pipeline, CameraChoice]:
+    """Everything that can be wrong with the call is found here, before the first picture."""
+    if method not in ("opening", "paper"):
+        raise CallError(f"--method must be opening or paper, got {method!r}")
+    require_range("--width-m", width_m, 0.01, 5)
+    require_range("--max-unseen-m", max_unseen_m, 0, 100)
+    choice = options.resolve()
+
+    from doorway3ds.decision import Gates
+    from doorway3ds.networks import load
+    from doorway3ds.pipeline import NEEDS, Pipeline
+
+    needs = NEEDS["paper" if method == "paper" else "opening"]
+    try:
+        pipeline = Pipeline(
+            load(network, threads=threads, needs=needs),
+            method="paper" if method == "paper" else "opening",
+            gates=Gates(max_unseen_m=max_unseen_m),
+        )
+    except UserError as error:
+        raise CallError(str(error)) from error
+    if width_m is not None and pipeline.params is not None:
+        clearance = replace(pipeline.params.clearance, width_m=width_m)
+        pipeline = replace(pipeline, params=replace(pipeline.params, clearance=clearance))
+    return pipeline, choice
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise CallError(f"cannot make the folder {folder}: {error.strerror}") from error
+
+
+def _write_array(path: Path, array: Any) -> None:
+    import io
+
+    import numpy as np
+
+    from doorway3ds.files import write_bytes
+
+    buffer = io.BytesIO()
+    np.save(buffer, np.asarray(array, np.float32))
+    write_bytes(path, buffer.getvalue())
+
+
+def _complain(message: str) -> None:
+    sys.stderr.write(f"3ds: {message}\n")
+    sys.stderr.flush()
+
+
+def _summarise(total: int, failed: int, seconds: float, out: Path | None) -> None:
+    answered = f"{total - failed} of {total} answered in {seconds:.1f} s"
+    where = f", pictures in {out}" if out is not None else ""
+    sys.stderr.write(f"{answered}{where}\n")

@@ -1,0 +1,115 @@
+"""The command `3ds`. Each file in this folder is one command; only the one called is imported.
+
+A command's module has either `app`, a Typer, or a function of its own name. Heavy imports stay
+inside the functions, so that the command starts fast and works without the extras it does not use.
+"""
+
+from __future__ import annotations
+
+import pkgutil
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+# In the order of `3ds --help`; other files in this folder follow by name.
+_ORDER = ("look", "models", "bench", "calibrate", "train", "eval", "sim")
+
+# Which extra brings a module that the default install does without.
+_EXTRAS = {
+    "fastapi": "serve",
+    "h5py": "train",
+    "keras": "train",
+    "matplotlib": "report",
+    "mujoco": "sim",
+    "onnx": "train",
+    "onnxscript": "train",
+    "qi": "nao",
+    "torch": "train",
+    "uvicorn": "serve",
+}
+
+
+def main() -> None:
+    """Runs the command line and ends the process: 0 done, 1 not (all) done, 2 wrong call."""
+    try:
+        sys.exit(run(sys.argv[1:]))
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Runs one command; returns its exit status."""
+    from doorway3ds.errors import CallError, UserError
+
+    # A name that the terminal's encoding lacks must not cost the answer.
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
+    try:
+        _app(arguments)(args=list(arguments), prog_name="3ds")
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else 1
+    except CallError as error:
+        return _refuse(str(error), 2)
+    except UserError as error:
+        return _refuse(str(error), 1)
+    except ModuleNotFoundError as error:
+        extra = _EXTRAS.get((error.name or "").partition(".")[0])
+        if extra is None:
+            raise
+        hint = f"needs the extra '{extra}': pip install 'doorway3ds[{extra}]'"
+        return _refuse(f"{' '.join(arguments[:1])} {hint} ({error.name} is missing)", 1)
+    return 0
+
+
+def _refuse(message: str, status: int) -> int:
+    sys.stderr.write(f"3ds: {message}\n")
+    return status
+
+
+def commands() -> list[str]:
+    """Names of all commands that exist."""
+    from doorway3ds import cli
+
+    found = {m.name for m in pkgutil.iter_modules(cli.__path__) if not m.name.startswith("_")}
+    found.discard("main")
+    return [name for name in _ORDER if name in found] + sorted(found - set(_ORDER))
+
+
+def _app(arguments: Sequence[str]):  # type: ignore[no-untyped-def]  # Typer is imported late
+    import typer
+
+    app = typer.Typer(
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        help="One camera in, one safe turn out: open doorways, their direction, the way to them.",
+    )
+
+    def version(wanted: bool) -> None:
+        if wanted:
+            from doorway3ds import __version__
+
+            typer.echo(f"doorway3ds {__version__}")
+            raise typer.Exit
+
+    @app.callback()
+    def top(
+        version: bool = typer.Option(
+            False, "--version", callback=version, is_eager=True, help="Print the version and end."
+        ),
+    ) -> None:
+        pass
+
+    names = commands()
+    called = next((a for a in arguments if not a.startswith("-")), None)
+    for name in [called] if called in names else names:
+        module = import_module(f"doorway3ds.cli.{name}")
+        if hasattr(module, "app"):
+            app.add_typer(module.app, name=name)
+        else:
+            app.command(name)(getattr(module, name))
+    return app
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,122 @@
+"""From a picture to a decision: one network, one method, the gates."""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.camera import Camera, Pose, default_camera
+from doorway3ds.decision import Gates, decide
+from doorway3ds.errors import UserError
+from doorway3ds.images import read_image
+from doorway3ds.networks.base import Joined, Network, thresholds_of
+from doorway3ds.networks.registry import load
+from doorway3ds.opening import OpeningParams, select_opening
+from doorway3ds.paper import select_paper
+from doorway3ds.params import override
+from doorway3ds.types import Decision, Frame
+
+Method = Literal["opening", "paper"]
+NEEDS: dict[Method, tuple[str, ...]] = {
+    "opening": ("p_open", "columns"),
+    "paper": ("p_open", "depth"),
+}
+
+
+@dataclass(frozen=True)
+class Pipeline:
+    """Puts one of each together; call it with a picture.
+
+    >>> decide = Pipeline.default()  # doctest: +SKIP
+    >>> decide("photo.jpg").turn_deg  # doctest: +SKIP
+    12.4
+
+    params: limits of the `opening` method; default: those the network was measured with.
+    """
+
+    network: Network
+    method: Method = "opening"
+    params: OpeningParams | None = None
+    gates: Gates = field(default_factory=Gates)
+
+    def __post_init__(self) -> None:
+        if self.method not in NEEDS:
+            raise ValueError(f"method must be one of {', '.join(NEEDS)}, got {self.method!r}")
+        lacking = [need for need in NEEDS[self.method] if need not in self.network.gives]
+        if lacking:
+            raise UserError(
+                f"method {self.method} needs {', '.join(lacking)}, which network "
+                f"{self.network.name} does not give; join one that does, as in cnn-srin+densedepth"
+            )
+        if self.params is None:
+            limits = override(OpeningParams(), thresholds_of(self.network))
+            object.__setattr__(self, "params", limits)
+
+    @classmethod
+    def default(cls, *, threads: int | None = None) -> Pipeline:
+        """The packaged network and the `opening` method."""
+        return cls(load("doornet", threads=threads))
+
+    @classmethod
+    def paper(cls, classifier: Network | None = None, depth: Network | None = None) -> Pipeline:
+        """The published method on any classifier and depth network; default: the packaged one.
+
+        classifier gives p_open, depth gives depth; one network may be both.
+        """
+        given = [network for network in (classifier, depth) if network is not None]
+        networks = given if len(given) == 2 else [load("doornet"), *given]
+        return cls(networks[0] if len(networks) == 1 else Joined(networks), method="paper")
+
+    def __call__(
+        self,
+        image: Frame | NDArray[np.uint8] | str | os.PathLike[str] | bytes,
+        camera: Camera | None = None,
+        pose: Pose | None = None,
+    ) -> Decision:
+        """The decision for one picture.
+
+        image: a Frame, (H, W, 3) uint8 RGB, or a picture file as a path or its bytes.
+        camera: scaled to the picture's size; default: the EXIF focal length of a file, else
+            60.9 deg over the longer side, marked as assumed.
+        pose: default: level, of unknown height.
+
+        Raises UserError where the picture cannot be read, or the camera has another aspect.
+        """
+        if isinstance(image, Frame):
+            return self.decide(image)
+        start = time.perf_counter()
+        timings: dict[str, float] = {}
+        focal_35mm = None
+        if not isinstance(image, np.ndarray):
+            picture = read_image(image)
+            image, focal_35mm = picture.image, picture.focal_35mm
+            timings["decode"] = (time.perf_counter() - start) * 1e3
+        height, width = image.shape[:2]
+        if camera is None:
+            camera = default_camera(width, height, focal_35mm)
+        elif (camera.width, camera.height) != (width, height):
+            camera = camera.scaled_to(width, height)
+        decision = self.decide(Frame(image, camera, pose or Pose()))
+        return replace(decision, timings_ms={**timings, **decision.timings_ms})
+
+    def decide(self, frame: Frame) -> Decision:
+        """The decision for one frame, with what each stage took in milliseconds."""
+        perception = self.network(frame.image, frame.camera)
+        start = time.perf_counter()
+        if self.method == "opening":
+            selection = select_opening(perception, frame, self.params)
+        else:
+            selection = select_paper(perception, frame)
+        selected = time.perf_counter()
+        decision = decide(perception, selection, frame, self.method, self.gates)
+        timings = {
+            **perception.timings_ms,
+            "selection": (selected - start) * 1e3,
+            "decision": (time.perf_counter() - selected) * 1e3,
+        }
+        return replace(decision, timings_ms=timings)
