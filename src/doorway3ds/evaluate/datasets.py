@@ -7,7 +7,7 @@ it is asked to.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from doorway3ds.camera import (
     bearing_of_pixel,
     default_camera,
 )
-from doorway3ds.errors import UserError
+from doorway3ds.errors import CallError, UserError
 from doorway3ds.evaluate.direction import PictureTruth, TruthOpening
 from doorway3ds.images import read_image
 from doorway3ds.types import Frame
@@ -31,6 +31,9 @@ from doorway3ds.types import Frame
 # NYU40 ids minus 1 of what is easily taken for an open doorway.
 NYU_KINDS = {2: "cabinet", 7: "door leaf", 8: "window", 10: "picture", 15: "curtain", 18: "mirror"}
 KIND_SHARE = 0.02  # of a picture's pixels, from which on a kind counts as shown
+
+# width, height, EXIF focal length as on 35 mm film -> camera
+FitCamera = Callable[[int, int, float | None], Camera]
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,7 @@ class Marked:
 class Sample:
     """One picture with its marks; the files are read by the functions below.
 
-    camera None: by EXIF or default, once the picture's size is known. is_open None: neither
+    camera None: what `fit` gives, once the picture's size is known. is_open None: neither
     open nor closed (half open). crop: (top, bottom, left, right) to cut from picture, depth
     and labels alike. size: (width, height) to stretch the picture to. depth_unit_m: metres per
     count; counts of 0 are unknown. eigen_box: the Eigen crop in the cropped picture.
@@ -62,6 +65,7 @@ class Sample:
     openings: tuple[Marked, ...] = ()
     kinds: tuple[str, ...] = ()
     camera: Camera | None = None
+    fit: FitCamera = default_camera
     pose: Pose = field(default_factory=Pose)
     confidence: int = 3
     crop: tuple[int, int, int, int] | None = None
@@ -92,7 +96,7 @@ def load_frame(sample: Sample) -> Frame:
             image, sample.size, interpolation=cv2.INTER_LINEAR if enlarges else cv2.INTER_AREA
         )
     height, width = image.shape[:2]
-    camera = sample.camera or default_camera(width, height, picture.focal_35mm)
+    camera = sample.camera or sample.fit(width, height, picture.focal_35mm)
     if (camera.width, camera.height) != (width, height):
         camera = camera.scaled_to(width, height)
     return Frame(np.ascontiguousarray(image, np.uint8), camera, sample.pose)
@@ -181,7 +185,7 @@ def place_folds(places: Iterable[str], folds: int) -> dict[str, int]:
     """
     names = sorted(set(places))
     if not 2 <= folds <= len(names):
-        raise UserError(f"expected 2 to {len(names)} folds for {len(names)} places, got {folds}")
+        raise CallError(f"expected 2 to {len(names)} folds for {len(names)} places, got {folds}")
     return {name: index % folds for index, name in enumerate(names)}
 
 
@@ -189,10 +193,10 @@ def parse_split(text: str) -> tuple[int, int]:
     """(fold counted from 0, folds) of "K/N", where K counts from 1."""
     first, slash, second = text.partition("/")
     if not slash or not first.isdigit() or not second.isdigit():
-        raise UserError(f"expected a split K/N such as 1/5, got '{text}'")
+        raise CallError(f"expected a split K/N such as 1/5, got '{text}'")
     fold, folds = int(first), int(second)
     if not 1 <= fold <= folds:
-        raise UserError(f"expected K from 1 to N in the split K/N, got '{text}'")
+        raise CallError(f"expected K from 1 to N in the split K/N, got '{text}'")
     return fold - 1, folds
 
 
@@ -206,6 +210,16 @@ def held_out(dataset: Dataset, fold: int, folds: int) -> Dataset:
     of_place = place_folds((s.place for s in dataset.samples), folds)
     kept = tuple(s for s in dataset.samples if of_place[s.place] == fold)
     return replace(dataset, samples=kept)
+
+
+def with_camera(dataset: Dataset, fit: FitCamera, pose: Pose) -> Dataset:
+    """Photographs whose camera is not known otherwise, as taken by the camera that `fit` gives."""
+    if all(s.camera is not None for s in dataset.samples):
+        raise CallError(f"the {dataset.layout} layout brings its camera; leave camera options out")
+    samples = tuple(
+        replace(s, fit=fit, pose=pose) if s.camera is None else s for s in dataset.samples
+    )
+    return replace(dataset, samples=samples)
 
 
 def only_named(dataset: Dataset, names: Sequence[str]) -> Dataset:

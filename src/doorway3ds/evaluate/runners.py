@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera import Camera
-from doorway3ds.errors import UserError
+from doorway3ds.decision import Gates, decide
+from doorway3ds.errors import CallError, UserError
 from doorway3ds.evaluate import depth as depth_scores
 from doorway3ds.evaluate.classifier import ClassifierRecord
 from doorway3ds.evaluate.datasets import (
@@ -30,7 +31,12 @@ from doorway3ds.evaluate.direction import (
     record_from_decision,
     record_from_json,
 )
-from doorway3ds.types import Decision, Frame, Perception
+from doorway3ds.networks.base import Network as BaseNetwork
+from doorway3ds.networks.base import thresholds_of
+from doorway3ds.opening import OpeningParams, select_opening
+from doorway3ds.paper import select_paper
+from doorway3ds.params import override
+from doorway3ds.types import Decision, Frame, Perception, Selection
 
 # `networks.Network`, or any function of a picture and its camera
 Network = Callable[[NDArray[np.uint8], Camera], Perception]
@@ -63,6 +69,13 @@ class DirectionRuns:
     records: dict[Label, list[DirectionRecord]] = field(default_factory=dict)
     answers: dict[Label, list[dict[str, Any]]] = field(default_factory=dict)
     left_out: dict[str, str] = field(default_factory=dict)
+
+    def add(self, more: DirectionRuns) -> None:
+        """Further pictures, or further columns, of the same data set."""
+        for label, records in more.records.items():
+            self.records.setdefault(label, []).extend(records)
+            self.answers.setdefault(label, []).extend(more.answers[label])
+        self.left_out |= more.left_out
 
 
 def run_direction(
@@ -113,28 +126,33 @@ def answer_json(name: str, place: str, label: Label, decision: Decision) -> dict
 
 
 def methods_on(
-    network: Network | None,
+    network: BaseNetwork | None,
     name: str,
     methods: Sequence[str],
     truth_depth: bool = False,
     open_gate: bool = False,
+    params: OpeningParams | None = None,
+    gates: Gates | None = None,
 ) -> Answer:
     """An `answer` for run_direction: several methods on one pass of one network.
 
     network None: nothing but true depth is known, and the gate is open. truth_depth: depth is
     the true one; columns, floor and p_open stay the network's. open_gate: every picture counts
-    as holding a doorway (p_open 1), which shows the selection without the classifier.
+    as holding a doorway (p_open 1), which shows the selection without the classifier. params,
+    gates: limits; default: as `pipeline.Pipeline` has them.
     """
-    from doorway3ds.decision import decide
-    from doorway3ds.opening import select_opening
-    from doorway3ds.paper import select_paper
-
-    select = {"opening": select_opening, "paper": select_paper}
+    if params is None:
+        limits = {} if network is None else thresholds_of(network)
+        params = override(OpeningParams(), limits)
+    select: dict[str, Callable[[Perception, Frame], Selection]] = {
+        "opening": lambda seen, frame: select_opening(seen, frame, params),
+        "paper": select_paper,
+    }
     for method in methods:
         if method not in select:
-            raise UserError(f"expected methods of {', '.join(select)}, got '{method}'")
+            raise CallError(f"expected methods of {', '.join(select)}, got '{method}'")
     if network is None and "opening" in methods:
-        raise UserError(
+        raise CallError(
             "the opening method needs a network's opening columns; give --network, or only "
             "--method paper"
         )
@@ -149,16 +167,16 @@ def methods_on(
         if open_gate:
             seen = replace(seen, p_open=1.0)
         return {
-            Label(method, label): decide(seen, select[method](seen, frame), frame, method)
+            Label(method, label): decide(seen, select[method](seen, frame), frame, method, gates)
             for method in methods
         }
 
     return answer
 
 
-def pipeline_answer(label: Label, decide: Decide) -> Answer:
+def pipeline_answer(label: Label, pipeline: Decide) -> Answer:
     """An `answer` for run_direction from a pipeline or any function of a frame."""
-    return lambda frame, _: {label: decide(frame)}
+    return lambda frame, _: {label: pipeline(frame)}
 
 
 def read_answers(paths: Sequence[Path]) -> dict[Label, dict[str, dict[str, Any]]]:
@@ -276,6 +294,33 @@ def run_depth(
                     records.setdefault(Protocol(name, crop, mirrored), []).append(record)
     _some_left(records, left_out)
     return records, left_out
+
+
+def worst_depth(
+    samples: Iterable[Sample],
+    records: Mapping[Protocol, Sequence[DepthRecord]],
+    networks: Mapping[tuple[str, str], Network],
+    count: int,
+) -> dict[str, list[tuple[Sample, NDArray[np.float32], DepthRecord]]]:
+    """By network, its `count` pictures of lowest delta1, with the map predicted in one pass.
+
+    networks: by network's and picture's name, as folds have networks of their own.
+    """
+    by_name = {s.name: s for s in samples}
+    worst: dict[str, list[tuple[Sample, NDArray[np.float32], DepthRecord]]] = {}
+    for protocol, column in records.items():
+        if protocol.mirrored or protocol.crop != "whole":
+            continue
+        known = sorted((r for r in column if r.errors.pixels), key=lambda r: r.errors.delta1)
+        cases = []
+        for record in known[:count]:
+            sample, network = by_name[record.image], networks[protocol.network, record.image]
+            ((_, depth_m),) = predicted_depth(
+                protocol.network, network, load_frame(sample), mirror=False
+            )
+            cases.append((sample, depth_m, record))
+        worst[protocol.network] = cases
+    return worst
 
 
 def predicted_depth(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera import ray_to_pixel, rotation
-from doorway3ds.draw.parts import AMBER, GREEN, INK, PAPER, VERMILLION
+from doorway3ds.draw.canvas import AMBER, GREEN, INK, PAPER, VERMILLION
 from doorway3ds.draw.text import Color, draw_text, wrap
 from doorway3ds.evaluate.datasets import Sample, load_depth, load_frame
 from doorway3ds.evaluate.depth import resize_map

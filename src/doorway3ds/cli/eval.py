@@ -1,0 +1,341 @@
+"""`3ds eval`: measure methods and networks on marked pictures."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import shlex
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from doorway3ds.cli._camera import CameraOptions
+from doorway3ds.cli._progress import Progress
+from doorway3ds.errors import CallError
+
+if TYPE_CHECKING:
+    from doorway3ds.evaluate.datasets import Dataset, Sample
+    from doorway3ds.evaluate.report import Report, Table
+    from doorway3ds.evaluate.runners import DirectionRuns
+    from doorway3ds.networks.base import Network
+
+app = typer.Typer(
+    help="Measure methods and networks on marked pictures, with confidence intervals.",
+    no_args_is_help=True,
+)
+
+Data = Annotated[
+    Path, typer.Argument(help="Folder with doorways.csv, boxes.csv or a folder per class.")
+]
+Layout = Annotated[
+    str | None,
+    typer.Option(help="nyu, rendered, plain, boxes or folders; told from the files if left out."),
+]
+Networks = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--network",
+        help="NAME[+NAME] or FILE.onnx; may be repeated. {k} in it stands for the fold. "
+        "[default: doornet]",
+    ),
+]
+Split = Annotated[
+    str | None, typer.Option(metavar="K/N", help="Only fold K of N of the places, K from 1.")
+]
+Folds = Annotated[
+    int | None,
+    typer.Option(metavar="N", help="All N folds, each by its own network ({k} in --network)."),
+]
+Images = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Only the pictures named in it, one a line.")
+]
+Places = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="CSV with columns image, place: which belong together."),
+]
+CameraOption = Annotated[
+    str | None,
+    typer.Option("--camera", metavar="PRESET|FILE", help="Where the pictures bring none."),
+]
+FovOption = Annotated[
+    float | None, typer.Option("--fov-deg", metavar="D", help="Horizontal, instead of --camera.")
+]
+MinConfidence = Annotated[
+    int, typer.Option(min=1, max=3, help="Leave marks below this confidence out.")
+]
+Repeats = Annotated[int, typer.Option(min=0, help="Bootstrap resamples; 0 = no intervals.")]
+Out = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Write report.html, report.json and PNGs there.")
+]
+Json = Annotated[
+    Path | None, typer.Option("--json", metavar="FILE", help="Write the numbers; - = standard out.")
+]
+
+
+@app.command()
+def direction(
+    data: Data,
+    method: Annotated[str, typer.Option(help="Methods, by commas.")] = "opening,paper",
+    network: Networks = None,
+    answers: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE",
+            help="Score stored answers (3ds look --json, or --save-answers) instead; repeatable.",
+        ),
+    ] = None,
+    truth_depth: Annotated[
+        bool, typer.Option("--truth-depth", help="True depth; columns stay the network's.")
+    ] = False,
+    no_gate: Annotated[
+        bool, typer.Option("--no-gate", help="Take every picture for one with a doorway.")
+    ] = False,
+    layout: Layout = None,
+    split: Split = None,
+    folds: Folds = None,
+    images: Images = None,
+    places: Places = None,
+    camera: CameraOption = None,
+    fov_deg: FovOption = None,
+    min_confidence: MinConfidence = 1,
+    repeats: Repeats = 2000,
+    out: Out = None,
+    json_file: Json = None,
+    save_answers: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write every answer, one object a line.")
+    ] = None,
+) -> None:
+    """Bearing, range, way and gates against marked openings, methods side by side.
+
+    --network none --truth-depth --method paper measures the paper's selection on true depth.
+    """
+    from doorway3ds.evaluate import direction as scores
+    from doorway3ds.evaluate import pages, runners
+
+    dataset = _dataset(data, layout, places, CameraOptions(camera, fov_deg), min_confidence)
+    runs = runners.DirectionRuns()
+    if answers:
+        if network or truth_depth or no_gate or folds:
+            raise CallError("--answers scores what is stored; leave the network's options out")
+        chosen, _ = next(_parts(dataset, split, None, images))
+        dataset = chosen
+        runs = runners.match_answers(_progress(chosen.samples), runners.read_answers(answers))
+    else:
+        methods = [name.strip() for name in method.split(",")]
+        names = network or ["doornet"]
+        for part, k in _parts(dataset, split, folds, images):
+            for name in names:
+                loaded = None if name == "none" else _network(name, k)
+                label = "true depth" if loaded is None else name
+                answer = runners.methods_on(loaded, label, methods, truth_depth, no_gate)
+                known = loaded is not None and not no_gate
+                runs.add(runners.run_direction(_progress(part.samples), answer, known))
+    scored = {label: scores.score(r, repeats) for label, r in runs.records.items()}
+    differences = pages.direction_differences(runs.records, repeats)
+    result = pages.direction_json(scored, differences)
+    tables = [pages.direction_table(scored)]
+    minus = pages.difference_table(differences, next(iter(scored)))
+    if save_answers is not None:
+        _write_answers(save_answers, runs)
+    report = _report("Direction", dataset, runs.left_out, [*tables, *([minus] if minus else [])])
+    if out is not None:
+        samples = {s.name: s for s in dataset.samples}
+        pages.add_direction_pictures(report, samples, runs.records, scored)
+    _finish(report, result, out, json_file)
+
+
+@app.command()
+def classifier(
+    data: Data,
+    network: Networks = None,
+    threshold: Annotated[float, typer.Option(min=0, max=1, help="Open from here on.")] = 0.5,
+    layout: Layout = None,
+    split: Split = None,
+    folds: Folds = None,
+    images: Images = None,
+    places: Places = None,
+    camera: CameraOption = None,
+    fov_deg: FovOption = None,
+    min_confidence: MinConfidence = 1,
+    repeats: Repeats = 2000,
+    out: Out = None,
+    json_file: Json = None,
+) -> None:
+    """p_open against open or not: accuracy, AUC, calibration, false alarms by kind."""
+    from doorway3ds.evaluate import classifier as scores
+    from doorway3ds.evaluate import pages, runners
+
+    dataset = _dataset(data, layout, places, CameraOptions(camera, fov_deg), min_confidence)
+    records: dict[str, list[scores.ClassifierRecord]] = {}
+    left_out: dict[str, str] = {}
+    for part, k in _parts(dataset, split, folds, images):
+        loaded = {name: _network(name, k, ["p_open"]) for name in network or ["doornet"]}
+        new, missing = runners.run_classifier(_progress(part.samples), loaded)
+        left_out |= missing
+        for name, column in new.items():
+            records.setdefault(name, []).extend(column)
+    scored = {name: scores.score(r, threshold, repeats) for name, r in records.items()}
+    result = {
+        "task": "classifier",
+        "runs": [{"network": name, **s.to_dict()} for name, s in scored.items()],
+    }
+    report = _report("Classifier", dataset, left_out, [pages.classifier_table(scored)])
+    if out is not None:
+        samples = {s.name: s for s in dataset.samples}
+        pages.add_classifier_pictures(report, samples, records, scored)
+    _finish(report, result, out, json_file)
+
+
+@app.command()
+def depth(
+    data: Data,
+    network: Networks = None,
+    mirror: Annotated[
+        bool, typer.Option("--mirror", help="Also the average of both mirrorings.")
+    ] = False,
+    layout: Layout = None,
+    split: Split = None,
+    folds: Folds = None,
+    images: Images = None,
+    places: Places = None,
+    camera: CameraOption = None,
+    fov_deg: FovOption = None,
+    repeats: Repeats = 2000,
+    out: Out = None,
+    json_file: Json = None,
+) -> None:
+    """delta1-3, AbsRel, RMSE and log10, over the whole picture and the Eigen crop."""
+    from doorway3ds.evaluate import depth as scores
+    from doorway3ds.evaluate import pages, runners
+
+    dataset = _dataset(data, layout, places, CameraOptions(camera, fov_deg), 1)
+    records: dict[runners.Protocol, list[scores.DepthRecord]] = {}
+    left_out: dict[str, str] = {}
+    networks_of: dict[tuple[str, str], Network] = {}
+    for part, k in _parts(dataset, split, folds, images):
+        loaded = {name: _network(name, k, ["depth"]) for name in network or ["doornet"]}
+        new, missing = runners.run_depth(_progress(part.samples), loaded, mirror)
+        left_out |= missing
+        for protocol, column in new.items():
+            records.setdefault(protocol, []).extend(column)
+            network_of = loaded[protocol.network]
+            networks_of |= {(protocol.network, r.image): network_of for r in column}
+    scored = {protocol: scores.score(r, repeats) for protocol, r in records.items()}
+    report = _report("Depth", dataset, left_out, [pages.depth_table(scored)])
+    if out is not None:
+        worst = runners.worst_depth(dataset.samples, records, networks_of, pages.WORST // 2)
+        pages.add_depth_pictures(report, records, worst)
+    _finish(report, pages.depth_json(scored), out, json_file)
+
+
+def _dataset(
+    data: Path, layout: str | None, places: Path | None, options: CameraOptions, confidence: int
+) -> Dataset:
+    from doorway3ds.evaluate import datasets, readers
+
+    of_image = None if places is None else readers.read_places(places)
+    dataset = datasets.at_least(readers.read_dataset(data, layout, of_image), confidence)
+    if options == CameraOptions():
+        return dataset
+    choice = options.resolve()
+    return datasets.with_camera(dataset, choice.fit, choice.pose)
+
+
+def _parts(
+    dataset: Dataset, split: str | None, folds: int | None, images: Path | None
+) -> Iterator[tuple[Dataset, int | None]]:
+    """The selected samples, fold by fold where folds are asked for, with the fold from 1."""
+    from doorway3ds.errors import UserError
+    from doorway3ds.evaluate import datasets
+
+    if sum(option is not None for option in (split, folds, images)) > 1:
+        raise CallError("--split, --folds and --images choose the pictures; give one of them")
+    if folds is not None:
+        for fold in range(folds):
+            yield datasets.held_out(dataset, fold, folds), fold + 1
+    elif split is not None:
+        fold, count = datasets.parse_split(split)
+        yield datasets.held_out(dataset, fold, count), fold + 1
+    elif images is not None:
+        try:
+            lines = images.read_text(encoding="utf-8").splitlines()
+        except (OSError, UnicodeDecodeError) as error:
+            raise UserError(f"cannot read the list of pictures {images}: {error}") from error
+        names = [line.strip() for line in lines if line.strip() and not line.startswith("#")]
+        yield datasets.only_named(dataset, names), None
+    else:
+        yield dataset, None
+
+
+def _network(name: str, k: int | None, needs: Sequence[str] = ()) -> Network:
+    from doorway3ds.networks.registry import load
+
+    if "{k}" in name and k is None:
+        raise CallError("{k} in --network stands for the fold; give --folds N or --split K/N")
+    return load(name.replace("{k}", str(k)), needs=needs)
+
+
+def _progress(samples: Sequence[Sample]) -> Iterator[Sample]:
+    with Progress(len(samples)) as bar:
+        for done, sample in enumerate(samples):
+            bar.show(done)
+            yield sample
+
+
+def _write_answers(path: Path, runs: DirectionRuns) -> None:
+    from doorway3ds.files import write_bytes
+
+    lines = [json.dumps(answer) for column in runs.answers.values() for answer in column]
+    write_bytes(path, ("\n".join(lines) + "\n").encode())
+
+
+def _report(
+    title: str, dataset: Dataset, left_out: dict[str, str], tables: Sequence[Table]
+) -> Report:
+    from doorway3ds.evaluate.report import Report
+
+    facts = {
+        "data": f"{dataset.path} ({dataset.layout})",
+        "command": shlex.join(["3ds", *sys.argv[1:]]),
+        "date": datetime.date.today().isoformat(),
+    }
+    if not dataset.places_known:
+        facts["places"] = "unknown: each picture counts as its own, so intervals are too narrow"
+    if left_out:
+        name, why = next(iter(left_out.items()))
+        facts["left out"] = f"{len(left_out)} pictures, first {name}: {why}"
+    return Report(f"{title} on {dataset.path.name}", facts, list(tables))
+
+
+def _finish(
+    report: Report, result: dict[str, Any], out: Path | None, json_file: Path | None
+) -> None:
+    from rich.console import Console
+    from rich.table import Table as RichTable
+
+    from doorway3ds.evaluate.report import write_json, write_report
+
+    result = {**report.facts, **result}
+    if out is not None:
+        page = write_report(report, out, result)
+        Console(stderr=True).print(f"wrote {page}", soft_wrap=True, highlight=False, markup=False)
+    if json_file is not None and str(json_file) == "-":
+        sys.stdout.write(json.dumps(result, allow_nan=False) + "\n")
+        return
+    if json_file is not None:
+        write_json(json_file, result)
+    console = Console()
+    for table in report.tables:
+        shown = RichTable(title=table.title, title_justify="left", box=None, pad_edge=False)
+        shown.add_column("")
+        for column in table.columns:
+            shown.add_column(column)
+        for name, _, cells in table.rows:
+            shown.add_row(name, *cells)
+        console.print(shown)
+    for name in ("places", "left out"):
+        if name in report.facts:
+            console.print(f"{name}: {report.facts[name]}", highlight=False, markup=False)
