@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from doorway3ds.draw.parts import (
-    MUTED,
-    PAPER,
-    View,
+from doorway3ds.draw.canvas import MUTED, PAPER, View
+from doorway3ds.draw.scene import (
+    evidence_points,
     paint_aim,
     paint_best,
     paint_candidate,
@@ -27,22 +27,33 @@ _SAMPLE, _ROW, _TEXT = 34, 40, 20
 def legend_items(decision: Decision) -> list[tuple[str, str]]:
     """(kind, words) of the marks that `paint_scene` makes for this decision."""
     selection = decision.selection
+    aimed = trusted(decision)
     items = []
-    if selection.openings and trusted(decision):
+    if selection.openings and aimed:
         items.append(("best", "opening"))
-    if selection.openings[1 if trusted(decision) else 0 :]:
-        items.append(("candidate", "other candidate, score"))
-    if selection.pixel is not None and trusted(decision) and "max_pixel" not in selection.evidence:
+    if selection.openings[1 if aimed else 0 :]:
+        items.append(("candidate", "candidate, score"))
+    if aimed and selection.pixel is not None and "max_pixel" not in selection.evidence:
         items.append(("aim", "aimed pixel"))
-    if len(_points(selection.evidence.get("corridor_px"))) >= 3:
+    if aimed and _in_picture(decision, evidence_points(decision, "corridor_px")):
         kind = {True: "free", False: "blocked", None: "unseen"}[selection.clear]
         words = {"free": "way, free", "blocked": "way, blocked", "unseen": "way, not seen"}[kind]
         items.append((kind, words))
-    if len(_points(selection.evidence.get("obstacle_px"))):
+    if aimed and len(evidence_points(decision, "obstacle_px")):
         items.append(("obstacle", "in the way"))
-    if decision.perception.floor is not None:
+    floor = decision.perception.floor
+    if floor is not None and np.nanmax(floor, initial=0) > 0.5:
         items.append(("floor", "floor"))
     return items
+
+
+def _in_picture(decision: Decision, outline: NDArray[np.float64]) -> bool:
+    """Whether the box round an outline in picture points reaches into the picture."""
+    if len(outline) < 3:
+        return False
+    low, high = np.nanmin(outline, axis=0), np.nanmax(outline, axis=0)
+    camera = decision.frame.camera
+    return bool((high > -0.5).all() and (low < [camera.width - 0.5, camera.height - 0.5]).all())
 
 
 def draw_legend(decision: Decision, width: int, unit: float) -> Image | None:
@@ -58,7 +69,7 @@ def draw_legend(decision: Decision, width: int, unit: float) -> Image | None:
         if x > 0 and x + wide > width:
             x, row = 0.0, row + 1
         placed.append((kind, words, x, row))
-        x += wide + 26 * unit
+        x += wide + 24 * unit
     image = np.full((round((row + 1) * _ROW * unit), width, 3), PAPER, np.uint8)
     for kind, words, x, row in placed:
         top = round(row * _ROW * unit)
@@ -90,7 +101,3 @@ def _sample(kind: str, width: int, height: int) -> Image:
     else:
         paint_corridor(view, way, {"free": True, "blocked": False}.get(kind))
     return np.asarray(cv2.resize(canvas, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
-
-
-def _points(points: object) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    return np.empty((0, 2)) if points is None else np.asarray(points, np.float64).reshape(-1, 2)

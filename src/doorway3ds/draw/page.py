@@ -7,6 +7,7 @@ import math
 import cv2
 import numpy as np
 
+from doorway3ds.draw.canvas import INK, MUTED, PAPER, RULE, WHITE, View, rounded
 from doorway3ds.draw.legend import draw_legend
 from doorway3ds.draw.panels import (
     STATUS,
@@ -17,8 +18,8 @@ from doorway3ds.draw.panels import (
     draw_probability,
     draw_scale,
 )
-from doorway3ds.draw.parts import INK, MUTED, PAPER, RULE, WHITE, View, paint_scene, rounded
-from doorway3ds.draw.text import CAP_HEIGHT, DESCENT, Image, draw_text, text_width, wrap
+from doorway3ds.draw.scene import paint_scene
+from doorway3ds.draw.text import CAP_HEIGHT, DESCENT, Image, balanced, draw_text, text_width, wrap
 from doorway3ds.draw.words import Fact, facts, headline, sentence, signed
 from doorway3ds.types import Decision, Reason
 
@@ -180,7 +181,7 @@ class _Page:
         x = _MARGIN + icon + 28
         right = DESIGN_WIDTH - _MARGIN - _SIDE
         self.text(headline(decision), (x, top + 48), 60, INK, bold=True)
-        lines = wrap(sentence(decision), 27, right - _GAP - x, max_lines=3)
+        lines = balanced(sentence(decision), 27, right - _GAP - x, max_lines=3)
         for index, line in enumerate(lines):
             self.text(line, (x, top + 96 + 36 * index), 27, MUTED)
         bar = draw_probability(decision, self.px(_SIDE), self.px(104), self.scale)
@@ -194,8 +195,8 @@ class _Page:
         width, height = self.px(size[0]), self.px(size[1])
         shrink = width < camera.width and height < camera.height
         how = cv2.INTER_AREA if shrink else cv2.INTER_CUBIC
-        picture = cv2.resize(decision.frame.image, (width, height), interpolation=how)
-        picture = np.ascontiguousarray(picture, np.uint8)
+        resized = cv2.resize(decision.frame.image, (width, height), interpolation=how)
+        picture = np.ascontiguousarray(resized, np.uint8)
         unit = self.scale * min(2.0, max(0.9, min(size) / 400))
         paint_scene(View(picture, (camera.width, camera.height), unit), decision)
         cv2.rectangle(picture, (0, 0), (width - 1, height - 1), RULE, 1)
@@ -206,7 +207,7 @@ class _Page:
         if picture is None:
             return at[1]
         self.paste(picture, at)
-        return at[1] + picture.shape[0] / self.scale
+        return at[1] + float(picture.shape[0]) / self.scale
 
     def title(self, words: str, value: str, at: tuple[float, float], width: float) -> None:
         self.text(words, (at[0], at[1] + 22), 22, MUTED)

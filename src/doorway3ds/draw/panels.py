@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera import bearing_of_pixel
-from doorway3ds.draw.parts import (
+from doorway3ds.draw.canvas import (
     AMBER,
     AZURE,
     BLUE,
@@ -28,15 +28,17 @@ from doorway3ds.draw.parts import (
     dashes,
     disc,
     fill,
+    rounded,
+    stroke,
+)
+from doorway3ds.draw.scene import (
     paint_aim,
     paint_best,
     paint_paper_pixels,
-    rounded,
-    stroke,
     threshold_row,
     trusted,
 )
-from doorway3ds.draw.text import CAP_HEIGHT, Color, Image, draw_text, text_width
+from doorway3ds.draw.text import CAP_HEIGHT, Anchor, Color, Image, draw_text, text_width
 from doorway3ds.types import Decision, Reason
 
 STATUS: dict[Reason, Color] = {
@@ -133,7 +135,7 @@ def draw_dial(decision: Decision, width: int, height: int, unit: float) -> Image
 
     def _needle(canvas: Image) -> None:
         bearing = selection.bearing_deg
-        if bearing is None:
+        if bearing is None or not trusted(decision):
             return
         color = STATUS[decision.reason]
         if decision.turn_deg is None:
@@ -175,7 +177,7 @@ def draw_dial(decision: Decision, width: int, height: int, unit: float) -> Image
 
     def _robot(canvas: Image) -> None:
         middle = scaled([center])[0]
-        size = unit * _FINE
+        size = min(unit, radius / 150) * _FINE
 
         def body(grow: float, color: Color) -> None:
             left, top = middle[0] - (30 + grow) * size, middle[1] - (13 + grow) * size
@@ -190,10 +192,12 @@ def draw_dial(decision: Decision, width: int, height: int, unit: float) -> Image
 
     image = _fine(width, height, paint)
     size = 20 * unit
-    for angle in range(-span // 30 * 30, span + 1, 30):
-        if abs(angle) > span or (angle == -180):
+    every = 30 if span <= 90 else 90
+    for angle in range(-(span // every) * every, span + 1, every):
+        if angle == -180:
             continue
-        text = f"{'+' if angle > 0 else '−' if angle < 0 else ''}{abs(angle)}°"
+        sign = "+" if 0 < angle < 180 else "−" if angle < 0 else ""
+        text = f"{sign}{abs(angle)}°"
         out = np.radians(angle)
         half = text_width(text, size) / 2
         away = 8 * unit + half * abs(np.sin(out)) + CAP_HEIGHT / 2 * size * abs(np.cos(out))
@@ -250,11 +254,13 @@ def draw_depth(decision: Decision, width: int, height: int, unit: float) -> Imag
     camera = decision.frame.camera
     view = View(image, (camera.width, camera.height), unit)
     selection = decision.selection
-    if trusted(decision) and selection.openings:
+    if not trusted(decision):
+        return image
+    if selection.openings:
         paint_best(view, selection.openings[0], threshold_row(view, decision), WHITE, shade=False)
     if "max_pixel" in selection.evidence:
         paint_paper_pixels(view, decision, labels=False)
-    elif selection.pixel is not None and trusted(decision):
+    elif selection.pixel is not None:
         paint_aim(view, selection.pixel, AZURE)
     return image
 
@@ -267,13 +273,14 @@ def draw_scale(limit: float, width: int, unit: float) -> Image:
     ramp = np.linspace(0, 255, width).round().astype(np.uint8)[None]
     colors = np.asarray(cv2.applyColorMap(ramp, cv2.COLORMAP_VIRIDIS), np.uint8)[..., ::-1]
     image[:bar] = colors
-    step = next(step for step in (0.1, 0.25, 0.5, 1, 2, 5, 10, 20) if limit / step <= 6)
+    most = min(6.0, width / (56 * unit))  # spaces between figures
+    step = next((s for s in (0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50) if limit / s <= most), limit)
     size = 20 * unit
-    for value in np.arange(0, limit + step / 2, step):
+    for value in np.arange(0, limit * 1.001, step):
         x = value / limit * (width - 1)
         stroke(image, [(x, bar), (x, bar + 6 * unit)], MUTED, max(1, round(1.5 * unit)))
-        last = value + step > limit + step / 2
-        anchor = "left" if value == 0 else "right" if value > limit - step / 4 else "center"
+        last = value + step > limit * 1.001
+        anchor: Anchor = "left" if value == 0 else "right" if value > limit - step / 4 else "center"
         text = f"{value:g} m" if last else f"{value:g}"
         where = (x, bar + 10 * unit + CAP_HEIGHT * size + 2 * unit)
         draw_text(image, text, where, size, MUTED, anchor=anchor)
@@ -330,9 +337,11 @@ def draw_icon(decision: Decision, size: int) -> Image:
                 disc(canvas, (float(x), float(y)), line / 2, ink)
 
         if reason is Reason.TURN:
-            flip = (lambda x: x) if (decision.turn_deg or 0) > 0 else (lambda x: 1 - x)
-            path(*((flip(x), y) for x, y in ((0.74, 0.76), (0.74, 0.40), (0.26, 0.40))))
-            path(*((flip(x), y) for x, y in ((0.43, 0.22), (0.25, 0.40), (0.43, 0.58))))
+            shaft = ((0.74, 0.76), (0.74, 0.40), (0.26, 0.40))
+            head = ((0.43, 0.22), (0.25, 0.40), (0.43, 0.58))
+            left = (decision.turn_deg or 0) > 0
+            for part in (shaft, head):
+                path(*((x if left else 1 - x, y) for x, y in part))
         elif reason is Reason.ALIGNED:
             path((0.5, 0.78), (0.5, 0.24))
             path((0.3, 0.43), (0.5, 0.23), (0.7, 0.43))

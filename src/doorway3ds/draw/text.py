@@ -69,7 +69,7 @@ def _places(text: str, weight: Weight) -> tuple[list[tuple[str, float]], float]:
     x = 0.0
     before = ""
     placed = []
-    for raw in text:
+    for raw in text.replace("\u00a0", " "):
         character = raw if raw in face.advance else "?"
         x += face.kerning.get(before + character, 0.0)
         placed.append((character, x))
@@ -145,11 +145,14 @@ def draw_text(
 def wrap(
     text: str, size: float, width: float, weight: Weight = "regular", max_lines: int = 3
 ) -> list[str]:
-    """Break `text` at spaces into lines of at most `width` pixels; what is left over is cut (…)."""
+    """Break `text` at spaces into lines of at most `width` pixels; what is left over is cut (…).
+
+    A no-break space keeps a number and its unit together.
+    """
     lines: list[str] = []
     current = ""
-    for word in text.split():
-        longer = f"{current} {word}".strip()
+    for word in _words(text, size, width, weight):
+        longer = f"{current} {word}" if current else word
         if current and text_width(longer, size, weight) > width:
             lines.append(current)
             current = word
@@ -160,6 +163,36 @@ def wrap(
     if len(lines) > max_lines:
         kept[-1] += "…"
     return [_fitted(line, size, width, weight) for line in kept]
+
+
+def _words(text: str, size: float, width: float, weight: Weight) -> list[str]:
+    """The words of a text; one wider than a line is cut in pieces, best after a - _ / or +."""
+    words = []
+    for word in text.split(" "):
+        rest = word
+        while len(rest) > 1 and text_width(rest, size, weight) > width:
+            fits = next(
+                (n for n in range(len(rest), 0, -1) if text_width(rest[:n], size, weight) <= width),
+                1,
+            )
+            sign = max(rest.rfind(mark, 0, fits) for mark in "-_/+") + 1
+            cut = sign if sign > fits // 3 else fits
+            words.append(rest[:cut])
+            rest = rest[cut:]
+        words.append(rest)
+    return words
+
+
+def balanced(
+    text: str, size: float, width: float, weight: Weight = "regular", max_lines: int = 3
+) -> list[str]:
+    """Like `wrap`, with lines of about one length rather than a last one of two words."""
+    lines = wrap(text, size, width, weight, max_lines)
+    for share in np.arange(0.5, 1.0, 0.05):
+        narrow = wrap(text, size, float(share) * width, weight, max_lines + 1)
+        if len(narrow) == len(lines):
+            return narrow if not narrow[-1].endswith("…") else lines
+    return lines
 
 
 def _fitted(line: str, size: float, width: float, weight: Weight) -> str:

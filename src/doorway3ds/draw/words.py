@@ -27,7 +27,7 @@ def signed(bearing_deg: float) -> str:
 def _metres(distance_m: float | None) -> str | None:
     if distance_m is None or not math.isfinite(distance_m):
         return None
-    return f"{distance_m:.1f} m"
+    return f"{distance_m:.1f}\u00a0m"
 
 
 def headline(decision: Decision) -> str:
@@ -53,14 +53,14 @@ def sentence(decision: Decision) -> str:
     selection = decision.selection
     where = _where(decision)
     if decision.reason is Reason.NO_DOOR:
-        return "No open doorway in this picture."
+        return f"The probability of an open doorway, {decision.p_open:.2f}, is too low."
     if decision.reason is Reason.LOST:
         return "The doorway that was followed, or the camera's picture, is gone."
     if decision.reason is Reason.BLOCKED:
-        return f"An open doorway {where}, but something stands in the way to it."
+        return f"An open doorway {where}, but something stands in the way."
     if decision.reason is Reason.UNSURE:
         why = (selection.unsure or "what is seen does not suffice to turn by").strip().rstrip(".")
-        return f"Perhaps an open doorway {where}: {why}."
+        return f"Probably an open doorway {where}, but {why}."
     way = {
         True: "The way to it is free.",
         False: "Something stands in the way to it.",
@@ -85,15 +85,17 @@ def _where(decision: Decision) -> str:
 def facts(decision: Decision) -> list[Fact]:
     """Numbers behind the answer, each with its name, in the order of reading."""
     selection = decision.selection
-    found = [
-        Fact("Bearing", "none" if selection.bearing_deg is None else signed(selection.bearing_deg)),
-        Fact("Distance", _metres(selection.range_m) or "unknown"),
-        Fact(
-            "Way",
-            {True: "free", False: "blocked", None: "not seen"}[selection.clear],
-            _floor(decision),
-        ),
-    ]
+    if decision.open:
+        bearing = "none" if selection.bearing_deg is None else signed(selection.bearing_deg)
+        way = {True: "free", False: "blocked", None: "not seen"}[selection.clear]
+        distance = _metres(selection.range_m) or "unknown"
+        found = [
+            Fact("Bearing", bearing),
+            Fact("Distance", distance),
+            Fact("Way", way, _floor(decision)),
+        ]
+    else:
+        found = [Fact("Bearing", "none"), Fact("Distance", "none"), Fact("Way", "not judged")]
     paper = _paper(decision)
     if paper is not None:
         found.append(paper)
@@ -161,5 +163,5 @@ def _pose(decision: Decision) -> tuple[str, str]:
     ]
     height = _metres(pose.height_m)
     if pose.height_m is not None:
-        height = f"{pose.height_m:.2f} m"
+        height = f"{pose.height_m:.2f}\u00a0m"
     return " · ".join(angles) or "level", f"height {height or 'unknown'}"

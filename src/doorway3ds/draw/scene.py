@@ -1,143 +1,39 @@
 """Marks on the photograph: floor, swept corridor, obstacle, openings and aimed pixels.
 
-Everything here paints into a `View`: the photograph at any size, with the picture's own
-coordinates mapped by pixel centres. Colours follow Okabe and Ito's palette, which stays apart
-for colour-blind eyes; every meaning has a second sign (dashes, hatching, shape) besides colour.
+Everything here paints into a `View`. Every meaning has a second sign (dashes, hatching, shape)
+besides its colour.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from doorway3ds.draw.text import (
-    CAP_HEIGHT,
-    DESCENT,
-    Color,
-    Image,
-    Weight,
-    blend,
-    draw_text,
-    text_width,
+from doorway3ds.draw.canvas import (
+    AMBER,
+    AZURE,
+    FLOOR,
+    GREEN,
+    INK,
+    SHIFT,
+    VERMILLION,
+    WHITE,
+    View,
+    cased,
+    dashes,
+    disc,
+    fill,
+    fixed,
+    stroke,
+    tag,
+    tint,
 )
+from doorway3ds.draw.text import Color
 from doorway3ds.draw.words import signed
 from doorway3ds.types import Decision, Opening, Reason
-
-INK: Color = (27, 32, 41)
-MUTED: Color = (88, 96, 108)
-RULE: Color = (217, 220, 225)
-PAPER: Color = (247, 247, 245)
-WHITE: Color = (255, 255, 255)
-BLUE: Color = (0, 114, 178)
-AZURE: Color = (24, 152, 255)  # the best opening, on photographs
-GREEN: Color = (0, 158, 115)
-VERMILLION: Color = (213, 94, 0)
-AMBER: Color = (230, 159, 0)
-FLOOR: Color = (86, 205, 233)
-
-_SHIFT = 4
-_FAR = 1e6  # corners beyond this many pixels are pulled in, so that fixed point can hold them
-
-Box = tuple[float, float, float, float]  # left, top, right, bottom
-
-
-@dataclass
-class View:
-    """The photograph on its way to being marked.
-
-    canvas: (h, w, 3) uint8 RGB, painted in place.
-    size: (width, height) of the picture whose coordinates are drawn.
-    unit: thickness of a thin line in canvas pixels; all else is a multiple of it.
-    taken: where labels already stand.
-    """
-
-    canvas: Image
-    size: tuple[int, int]
-    unit: float
-    taken: list[Box] = field(default_factory=list)
-
-    @property
-    def width(self) -> int:
-        return int(self.canvas.shape[1])
-
-    @property
-    def height(self) -> int:
-        return int(self.canvas.shape[0])
-
-    def x(self, column: float) -> float:
-        return (column + 0.5) * self.width / self.size[0] - 0.5
-
-    def y(self, row: float) -> float:
-        return (row + 0.5) * self.height / self.size[1] - 0.5
-
-    def points(self, xy: ArrayLike) -> NDArray[np.float64]:
-        """(n, 2) canvas points of picture points (n, 2); those that are not finite are left out."""
-        array = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
-        array = array[np.isfinite(array).all(axis=1)]
-        scale = np.array([self.width / self.size[0], self.height / self.size[1]])
-        return np.clip((array + 0.5) * scale - 0.5, -_FAR, _FAR)
-
-    def thick(self, units: float) -> int:
-        return max(1, round(units * self.unit))
-
-
-def fixed(points: ArrayLike) -> NDArray[np.int32]:
-    """Canvas points as OpenCV's fixed-point corners."""
-    return np.round(np.asarray(points, dtype=np.float64) * (1 << _SHIFT)).astype(np.int32)
-
-
-def stroke(
-    canvas: Image, points: ArrayLike, color: Color, thickness: int, closed: bool = False
-) -> None:
-    cv2.polylines(canvas, [fixed(points)], closed, color, thickness, cv2.LINE_AA, _SHIFT)
-
-
-def strokes(canvas: Image, lines: Sequence[ArrayLike], color: Color, thickness: int) -> None:
-    cv2.polylines(
-        canvas, [fixed(line) for line in lines], False, color, thickness, cv2.LINE_AA, _SHIFT
-    )
-
-
-def fill(canvas: Image, points: ArrayLike, color: Color) -> None:
-    cv2.fillPoly(canvas, [fixed(points)], color, cv2.LINE_AA, _SHIFT)
-
-
-def disc(canvas: Image, at: tuple[float, float], radius: float, color: Color) -> None:
-    x, y = fixed(at).tolist()
-    cv2.circle(canvas, (x, y), round(radius * (1 << _SHIFT)), color, -1, cv2.LINE_AA, _SHIFT)
-
-
-def dashes(points: ArrayLike, on: float, off: float) -> Iterable[NDArray[np.float64]]:
-    """Cut a polyline into pieces `on` long with gaps of `off`."""
-    corners = np.asarray(points, dtype=np.float64)
-    lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
-    for start in np.arange(0, lengths[-1], on + off):
-        stop = min(start + on, lengths[-1])
-        inner = lengths[(lengths > start) & (lengths < stop)]
-        at = np.concatenate([[start], inner, [stop]])
-        yield np.stack([np.interp(at, lengths, corners[:, axis]) for axis in (0, 1)], axis=1)
-
-
-def cased(view: View, lines: Sequence[ArrayLike], color: Color, units: float) -> None:
-    """Open lines that stand out on dark and on bright ground: a dark edge around the colour."""
-    strokes(view.canvas, lines, INK, view.thick(units) + 2 * view.thick(0.6))
-    strokes(view.canvas, lines, color, view.thick(units))
-
-
-def _tint(view: View, mask: NDArray[np.uint8], color: Color, alpha: float) -> None:
-    """Mix `color` into the canvas where `mask` (canvas-sized, 0..255) is set."""
-    x, y, width, height = cv2.boundingRect(mask)
-    if width == 0 or height == 0:
-        return
-    region = view.canvas[y : y + height, x : x + width]
-    solid = np.full_like(region, color)
-    mixed = cv2.addWeighted(region, 1 - alpha, solid, alpha, 0)
-    cv2.copyTo(mixed, mask[y : y + height, x : x + width], region)
 
 
 def paint_floor(view: View, floor: NDArray[Any]) -> None:
@@ -147,7 +43,7 @@ def paint_floor(view: View, floor: NDArray[Any]) -> None:
         grey = np.asarray(cv2.GaussianBlur(grey, (3, 3), 0), np.uint8)
     large = cv2.resize(grey, (view.width, view.height), interpolation=cv2.INTER_LINEAR)
     mask = cv2.threshold(large, 127, 255, cv2.THRESH_BINARY)[1]
-    _tint(view, np.asarray(mask, np.uint8), FLOOR, 0.22)
+    tint(view, np.asarray(mask, np.uint8), FLOOR, 0.22)
 
 
 def paint_corridor(view: View, corridor: ArrayLike, clear: bool | None) -> None:
@@ -156,13 +52,13 @@ def paint_corridor(view: View, corridor: ArrayLike, clear: bool | None) -> None:
     if len(points) < 3:
         return
     mask = np.zeros((view.height, view.width), np.uint8)
-    cv2.fillPoly(mask, [fixed(points)], 255, cv2.LINE_8, _SHIFT)
+    cv2.fillPoly(mask, [fixed(points)], 255, cv2.LINE_8, SHIFT)
     outline = np.concatenate([points, points[:1]])
     if clear is None:
         cased(view, list(dashes(_inside(outline, view), 9 * view.unit, 7 * view.unit)), WHITE, 1.4)
         return
     color = GREEN if clear else VERMILLION
-    _tint(view, mask, color, 0.42 if clear else 0.26)
+    tint(view, mask, color, 0.42 if clear else 0.26)
     if not clear:
         _hatch(view, mask, color)
     stroke(view.canvas, outline, WHITE, view.thick(1.6) + 2 * view.thick(0.6))
@@ -182,7 +78,7 @@ def _hatch(view: View, mask: NDArray[np.uint8], color: Color) -> None:
     starts = range(x - height, x + width, step)
     slanted = [[(start, y + height), (start + height, y)] for start in starts]
     cv2.polylines(lines, [np.array(line) for line in slanted], False, 255, view.thick(1.4))
-    _tint(view, np.asarray(cv2.bitwise_and(lines, mask), np.uint8), color, 0.75)
+    tint(view, np.asarray(cv2.bitwise_and(lines, mask), np.uint8), color, 0.75)
 
 
 def paint_obstacle(view: View, obstacle: ArrayLike) -> None:
@@ -201,7 +97,7 @@ def paint_obstacle(view: View, obstacle: ArrayLike) -> None:
     mask = np.asarray(
         cv2.threshold(large, 110, 255, cv2.THRESH_BINARY)[1][: view.height, : view.width], np.uint8
     )
-    _tint(view, mask, VERMILLION, 0.5)
+    tint(view, mask, VERMILLION, 0.5)
     edges, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     cv2.drawContours(
         view.canvas, edges, -1, WHITE, view.thick(1.6) + 2 * view.thick(0.6), cv2.LINE_AA
@@ -239,13 +135,13 @@ def trusted(decision: Decision) -> bool:
 def threshold_row(view: View, decision: Decision) -> float:
     """Canvas row where the best opening meets the floor: the corridor's far end, or a guess."""
     lowest = 0.88 * view.height
-    points = view.points(_evidence_points(decision, "corridor_px"))
+    points = view.points(evidence_points(decision, "corridor_px"))
     if len(points) < 3:
         return lowest
     return float(np.clip(points[:, 1].min(), 0.6 * view.height, 0.94 * view.height))
 
 
-def _evidence_points(decision: Decision, key: str) -> NDArray[np.float64]:
+def evidence_points(decision: Decision, key: str) -> NDArray[np.float64]:
     points = decision.selection.evidence.get(key)
     if points is None or len(points) == 0:
         return np.empty((0, 2))
@@ -353,7 +249,7 @@ def paint_paper_pixels(view: View, decision: Decision, labels: bool = True) -> N
         x, y = marks["best"]
         for radius, color in ((9.5, INK), (8.5, WHITE), (5.8, INK), (5.0, AZURE)):
             disc(view.canvas, (x, y), radius * view.unit, color)
-    for name, (x, y) in marks.items():
+    for x, y in marks.values():
         s = 9.5 * view.unit
         view.taken.append((x - s, y - s, x + s, y + s))
     if labels:
@@ -361,86 +257,18 @@ def paint_paper_pixels(view: View, decision: Decision, labels: bool = True) -> N
             tag(view, name.capitalize(), at, INK, WHITE, 13, beside=14 * view.unit)
 
 
-def tag(
-    view: View,
-    text: str,
-    at: tuple[float, float],
-    fill_color: Color,
-    text_color: Color,
-    units: float,
-    beside: float = 0.0,
-) -> None:
-    """A small label at, or `beside` pixels from, a canvas point, where nothing is covered yet.
-
-    Left out where the canvas is too small to hold it.
-    """
-    size = units * view.unit
-    weight: Weight = "semibold"
-    pad = 0.45 * size
-    width = text_width(text, size, weight) + 2 * pad
-    height = (CAP_HEIGHT + DESCENT) * size + 1.2 * pad
-    if width > view.width or height > 0.2 * view.height or size < 7:
-        return
-    x, y = at
-    half_w, half_h = width / 2, height / 2
-    rim = 4 * view.unit
-    if beside:
-        offsets = [
-            (beside + half_w, 0.0),
-            (-beside - half_w, 0.0),
-            (0.0, -beside - half_h),
-            (0.0, beside + half_h),
-            (beside + half_w, -beside - half_h),
-            (-beside - half_w, -beside - half_h),
-        ]
-    else:
-        offsets = [(0.0, step * (height + 2 * view.unit)) for step in (0, 1, 2, 3, 4)]
-    boxes = []
-    for dx, dy in offsets:
-        cx = min(max(x + dx, half_w + rim), view.width - half_w - rim)
-        cy = min(max(y + dy, half_h + rim), view.height - half_h - rim)
-        boxes.append((cx - half_w, cy - half_h, cx + half_w, cy + half_h))
-    box = min(boxes, key=lambda b: sum(_overlap(b, other) for other in view.taken))
-    view.taken.append(box)
-    rounded(view.canvas, box, 0.3 * height, fill_color)
-    baseline = (box[1] + box[3]) / 2 + CAP_HEIGHT * size / 2
-    draw_text(
-        view.canvas, text, ((box[0] + box[2]) / 2, baseline), size, text_color, weight, "center"
-    )
-
-
-def _overlap(a: Box, b: Box) -> float:
-    width = min(a[2], b[2]) - max(a[0], b[0])
-    height = min(a[3], b[3]) - max(a[1], b[1])
-    return max(width, 0.0) * max(height, 0.0)
-
-
-def rounded(canvas: Image, box: Box, radius: float, color: Color) -> None:
-    """A filled rectangle with round corners."""
-    left, top, right, bottom = box
-    radius = min(radius, (right - left) / 2, (bottom - top) / 2)
-    angles = np.linspace(0, np.pi / 2, 9)
-    corners = []
-    for cx, cy, turn in (
-        (right - radius, bottom - radius, 0),
-        (left + radius, bottom - radius, 1),
-        (left + radius, top + radius, 2),
-        (right - radius, top + radius, 3),
-    ):
-        a = angles + turn * np.pi / 2
-        corners.append(np.stack([cx + radius * np.cos(a), cy + radius * np.sin(a)], axis=1))
-    fill(canvas, np.concatenate(corners), color)
-
-
 def paint_scene(view: View, decision: Decision, labels: bool = True) -> None:
     """All marks of one decision on the photograph, from the ground up."""
     selection = decision.selection
     if decision.perception.floor is not None:
         paint_floor(view, decision.perception.floor)
-    paint_corridor(view, _evidence_points(decision, "corridor_px"), selection.clear)
-    paint_obstacle(view, _evidence_points(decision, "obstacle_px"))
+    if trusted(decision):
+        paint_corridor(view, evidence_points(decision, "corridor_px"), selection.clear)
+        paint_obstacle(view, evidence_points(decision, "obstacle_px"))
     paint_openings(view, decision, labels)
-    if "best_pixel" in selection.evidence or "max_pixel" in selection.evidence:
+    if not trusted(decision):
+        return
+    if "max_pixel" in selection.evidence:
         paint_paper_pixels(view, decision, labels)
-    elif selection.pixel is not None and trusted(decision):
+    elif selection.pixel is not None:
         paint_aim(view, selection.pixel)
