@@ -1,0 +1,179 @@
+"""Encoders as Keras graphs, initialised from ONNX files whose batch norm is folded.
+
+Both networks are rebuilt from the file itself: channel counts come from the convolutions'
+shapes, so a pruned network (FastDepth) and a standard one (MobileNetV2) load the same way.
+Channels first throughout: the PyTorch back end then needs no transposes.
+
+Sources: Sandler et al., "MobileNetV2" (CVPR 2018); Wofk et al., "FastDepth" (ICRA 2019).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.errors import UserError
+
+Tensor = Any  # a Keras symbolic tensor; Keras ships no types
+
+
+@dataclass(frozen=True)
+class FoldedConv:
+    """One convolution of an ONNX file with its batch norm folded in."""
+
+    kernel: NDArray[np.float32]  # (out, in / groups, kh, kw)
+    bias: NDArray[np.float32]  # (out,)
+    groups: int
+
+
+def read_convolutions(path: str | Path) -> list[FoldedConv]:
+    """Convolutions of an ONNX file in graph order.
+
+    Raises UserError where the file is missing, damaged, or holds no convolution.
+    """
+    import onnx
+    from onnx import numpy_helper
+
+    try:
+        graph = onnx.load(str(path)).graph
+    except Exception as error:
+        # protobuf and onnx raise many kinds of error on a damaged file
+        raise UserError(f"cannot read the ONNX file {path}: {error}") from error
+    weights = {item.name: item for item in graph.initializer}
+    convolutions = []
+    for node in graph.node:
+        if node.op_type != "Conv":
+            continue
+        groups = next((a.i for a in node.attribute if a.name == "group"), 1)
+        kernel = numpy_helper.to_array(weights[node.input[1]]).astype(np.float32)
+        bias = numpy_helper.to_array(weights[node.input[2]]).astype(np.float32)
+        convolutions.append(FoldedConv(kernel, bias, groups))
+    if not convolutions:
+        raise UserError(f"{path} holds no convolution; expected MobileNetV2, DeepLab or FastDepth")
+    return convolutions
+
+
+class _Builder:
+    """Adds Keras convolutions in the order of a file's convolutions and loads their weights."""
+
+    def __init__(self, convolutions: list[FoldedConv], prefix: str) -> None:
+        self._source: Iterator[FoldedConv] = iter(convolutions)
+        self._prefix = prefix
+        self._count = 0
+        self._pending: list[tuple[Any, FoldedConv]] = []
+
+    def conv(
+        self,
+        x: Tensor,
+        *,
+        stride: int = 1,
+        dilation: int = 1,
+        pads: tuple[int, int, int, int] | None = None,
+        activation: str | None = None,
+    ) -> Tensor:
+        """The next convolution; pads are (top, left, bottom, right), default half the kernel."""
+        from keras import layers
+
+        source = next(self._source)
+        size = source.kernel.shape[-1]
+        name = f"{self._prefix}_{self._count:02d}"
+        self._count += 1
+        padding = "valid"
+        if pads is None and stride == 1:
+            padding = "same"
+        else:
+            top, left, bottom, right = pads or (size // 2,) * 4
+            if top or left or bottom or right:
+                x = layers.ZeroPadding2D(((top, bottom), (left, right)), name=f"{name}_pad")(x)
+        shared = {"padding": padding, "dilation_rate": dilation, "name": name}
+        if source.groups == 1:
+            layer = layers.Conv2D(source.kernel.shape[0], size, stride, **shared)
+        else:
+            layer = layers.DepthwiseConv2D(size, stride, **shared)
+        self._pending.append((layer, source))
+        x = layer(x)
+        return layers.Activation(activation, name=f"{name}_{activation}")(x) if activation else x
+
+    def load(self) -> None:
+        for layer, source in self._pending:
+            order = (2, 3, 1, 0) if source.groups == 1 else (2, 3, 0, 1)
+            layer.set_weights([np.transpose(source.kernel, order), source.bias])
+
+
+# (repeats, first stride) of the seven stages of inverted residual blocks
+_MOBILENET_V2 = ((1, 1), (2, 2), (3, 2), (4, 2), (3, 1), (3, 2), (1, 1))
+
+
+def mobilenet_v2(x: Tensor, path: str | Path, *, prefix: str = "sem") -> dict[str, Tensor]:
+    """MobileNetV2 to its 320 channels, last stage dilated instead of strided (as in DeepLab).
+
+    x: (B, 3, h, w) in -1..1. Returns features by stride: "s4" (24 channels), "s8" (32), "s16" (96)
+    and "top" (320, stride 16).
+    """
+    from keras import layers
+
+    build = _Builder(read_convolutions(path), prefix)
+    x = build.conv(x, stride=2, pads=(0, 0, 1, 1), activation="relu6")
+    features: dict[str, Tensor] = {}
+    stride = 2
+    for stage, (repeats, first_stride) in enumerate(_MOBILENET_V2):
+        for block in range(repeats):
+            step = first_stride if block == 0 else 1
+            dilated = stage == 5 and block > 0 or stage == 6
+            if stage == 5:
+                step = 1
+            entry = x
+            if stage > 0:
+                x = build.conv(x, activation="relu6")
+            pads = (0, 0, 1, 1) if step == 2 else None
+            x = build.conv(
+                x, stride=step, dilation=2 if dilated else 1, pads=pads, activation="relu6"
+            )
+            x = build.conv(x)
+            if block > 0:
+                x = layers.Add()([entry, x])
+            stride *= step
+        if stage in (1, 2, 4):
+            features[f"s{stride}"] = x
+    features["top"] = x
+    build.load()
+    return features
+
+
+def fastdepth(x: Tensor, path: str | Path, *, prefix: str = "fd") -> dict[str, Tensor]:
+    """FastDepth (MobileNet encoder, NNConv5 decoder with additive skips), any multiple of 32.
+
+    x: (B, 3, h, w) in 0..1. Returns decoder features by stride: "s16" (256 channels), "s8"
+    (120), "s4" (56), "s2" (16), and "depth" in metres at stride 2 (the published last step doubles it by
+    nearest neighbours before a 1x1 convolution, which changes nothing but the size).
+    """
+    from keras import layers
+
+    build = _Builder(read_convolutions(path), prefix)
+    strides = (1, 2, 1, 2, 1, 2, 1, 1, 1, 1, 1, 2, 1)
+    # the first convolution halves; each entry above is one depthwise separable block
+    x = build.conv(x, stride=2, activation="relu6")
+    skips: dict[int, Tensor] = {}
+    total = 2
+    for step in strides:
+        x = build.conv(x, stride=step, activation="relu6")
+        x = build.conv(x, activation="relu6")
+        total *= step
+        skips[total] = x  # the last block of a stride is the one that is added back
+    features: dict[str, Tensor] = {}
+    for stride in (32, 16, 8, 4, 2):
+        if stride in (8, 4, 2):
+            x = layers.Add()([x, skips[stride]])
+        x = build.conv(x, activation="relu")
+        x = build.conv(x, activation="relu")
+        features[f"s{stride}"] = x
+        if stride > 2:
+            x = layers.UpSampling2D(2, interpolation="nearest")(x)
+    features["depth"] = build.conv(x, activation="relu")
+    build.load()
+    return features

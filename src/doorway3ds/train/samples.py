@@ -1,0 +1,253 @@
+"""Training samples: one picture with whatever labels it has, read from mixed sources.
+
+Readers keep everything at a modest size in memory, so that an epoch never waits for a disk.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.errors import UserError
+
+# Labels 0..5 of SEGMENTS (other, wall, floor, door, window, ceiling); 255 = unknown
+UNKNOWN = 255
+_NYU40 = {0: 1, 1: 2, 7: 3, 8: 4, 21: 5, 39: UNKNOWN}
+_NYU_CAMERA = (518.86, 519.47, 325.58, 253.74)
+_NYU_CROP = 10  # a white frame of 5-8 px surrounds each picture
+_NYU_PLACE = 40  # neighbouring numbers show the same room
+_CONFIDENCE = {3: 1.0, 2: 0.8, 1: 0.4}
+
+
+@dataclass(frozen=True)
+class Span:
+    """An opening at mid-height, in columns of the stored picture.
+
+    loose: the marked box holds frame and leaf, so its edges are only rough.
+    """
+
+    left: float
+    right: float
+    loose: bool = False
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One picture and the labels it carries; None = not labelled.
+
+    image: (H, W, 3) uint8 RGB. depth_m: (H, W) float32, nan unknown. segments: (H, W) uint8,
+    255 unknown. camera: fx, fy, cx, cy in pixels of `image`. open: 1, 0, or None (half open).
+    weight: of the opening labels; depth_weight, segment_weight: of pseudo-labels.
+    clear: whether the way was marked free.
+    """
+
+    name: str
+    source: str
+    place: str
+    image: NDArray[np.uint8]
+    camera: tuple[float, float, float, float]
+    open: int | None
+    spans: tuple[Span, ...]
+    depth_m: NDArray[np.float32] | None = None
+    segments: NDArray[np.uint8] | None = None
+    weight: float = 1.0
+    depth_weight: float = 1.0
+    segment_weight: float = 1.0
+    clear: int | None = None
+    extra: dict[str, Any] = field(default_factory=dict)
+
+
+def _read(path: Path, flags: int) -> NDArray[Any]:
+    image = cv2.imread(str(path), flags)
+    if image is None:
+        raise UserError(f"cannot read {path} as a picture")
+    if image.ndim == 3:
+        image = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+    return np.asarray(image)
+
+
+def _scaled_camera(
+    camera: tuple[float, float, float, float], sx: float, sy: float
+) -> tuple[float, float, float, float]:
+    fx, fy, cx, cy = camera
+    return fx * sx, fy * sy, (cx + 0.5) * sx - 0.5, (cy + 0.5) * sy - 0.5
+
+
+def _scaled_column(column: float, scale: float) -> float:
+    return (column + 0.5) * scale - 0.5
+
+
+def read_rows(path: Path) -> dict[str, list[dict[str, str]]]:
+    """Rows of a CSV by image name; UserError where it is missing or has no such column."""
+    try:
+        with path.open(newline="", encoding="utf-8") as stream:
+            rows = list(csv.DictReader(stream))
+    except OSError as error:
+        raise UserError(f"cannot read the labels {path}: {error.strerror}") from error
+    by_image: dict[str, list[dict[str, str]]] = {}
+    for number, row in enumerate(rows, start=2):
+        if not row.get("image"):
+            raise UserError(f"{path} line {number}: no `image` column or value")
+        by_image.setdefault(row["image"], []).append(row)
+    return by_image
+
+
+def _relabel(labels: NDArray[np.uint8], table: dict[int, int]) -> NDArray[np.uint8]:
+    lookup = np.zeros(256, np.uint8)
+    for source, target in table.items():
+        lookup[source] = target
+    return lookup[labels]
+
+
+def read_nyu(folder: Path, width: int = 352) -> list[Sample]:
+    """NYU Depth v2 pictures with 8-bit depth, NYU40 labels and doorways.csv."""
+    samples = []
+    for name, rows in sorted(read_rows(folder / "doorways.csv").items()):
+        crop = np.s_[_NYU_CROP:-_NYU_CROP, _NYU_CROP:-_NYU_CROP]
+        stem = Path(name).stem
+        image = _read(folder / "images" / name, cv2.IMREAD_COLOR)[crop]
+        code = _read(folder / "depth" / f"{stem}.png", cv2.IMREAD_UNCHANGED)[crop]
+        labels = _read(folder / "labels" / f"{stem}.png", cv2.IMREAD_UNCHANGED)[crop]
+        scale = width / image.shape[1]
+        size = (width, round(image.shape[0] * scale))
+        fx, fy, cx, cy = _NYU_CAMERA
+        camera = (fx, fy, cx - _NYU_CROP, cy - _NYU_CROP)
+        # 255 says "10 m or more": a bound, not a distance
+        depth = np.where(code == 255, np.nan, code * (9.9955 / 255)).astype(np.float32)
+        spans = tuple(
+            Span(
+                *(_scaled_column(float(row[key]) - _NYU_CROP, scale) for key in ("left_px", "right_px"))
+            )
+            for row in rows
+            if row["open"] == "1"
+        )
+        first = rows[0]
+        samples.append(
+            Sample(
+                name=name,
+                source="nyu",
+                place=f"nyu-{int(stem) // _NYU_PLACE:03d}",
+                image=cv2.resize(image, size, interpolation=cv2.INTER_AREA),
+                camera=_scaled_camera(camera, scale, size[1] / image.shape[0]),
+                open=int(first["open"]),
+                spans=spans,
+                depth_m=cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST),
+                segments=cv2.resize(
+                    _relabel(labels, _NYU40), size, interpolation=cv2.INTER_NEAREST
+                ),
+                weight=_CONFIDENCE[int(first["confidence"])],
+                clear=int(first["clear"]) if first["clear"] else None,
+            )
+        )
+    return samples
+
+
+def read_doors(folder: Path, places: dict[str, str], width: int = 264) -> list[Sample]:
+    """Door photographs with state boxes: squares that were portraits of 480x640, 64 deg wide.
+
+    places: picture name to place (see `cluster_places`).
+    """
+    samples = []
+    for name, rows in sorted(read_rows(folder / "boxes.csv").items()):
+        height = width * 4 // 3
+        square = _read(folder / "images" / name, cv2.IMREAD_COLOR)
+        image = cv2.resize(square, (width, height), interpolation=cv2.INTER_AREA)
+        states = {row["state"] for row in rows}
+        spans = tuple(
+            Span(
+                float(row["left"]) * width - 0.5,
+                float(row["right"]) * width - 0.5,
+                loose=True,
+            )
+            for row in rows
+            if row["state"] in ("open", "semi")
+        )
+        focal = width / 2 / np.tan(np.radians(32.0))
+        samples.append(
+            Sample(
+                name=name,
+                source="doors",
+                place=places.get(name, name),
+                image=image,
+                camera=(focal, focal, (width - 1) / 2, (height - 1) / 2),
+                open=1 if "open" in states else None if "semi" in states else 0,
+                spans=spans,
+                extra={"states": sorted(states)},
+            )
+        )
+    return samples
+
+
+def read_rendered(folder: Path) -> list[Sample]:
+    """Rendered homes: images/, 16-bit depth in millimetres, floor/, doorways.csv with fx_px."""
+    samples = []
+    for name, rows in sorted(read_rows(folder / "doorways.csv").items()):
+        stem = Path(name).stem
+        image = _read(folder / "images" / name, cv2.IMREAD_COLOR)
+        millimetres = _read(folder / "depth" / f"{stem}.png", cv2.IMREAD_UNCHANGED)
+        floor = _read(folder / "floor" / f"{stem}.png", cv2.IMREAD_UNCHANGED)
+        depth = np.where(millimetres == 0, np.nan, millimetres / 1000.0).astype(np.float32)
+        height, width = image.shape[:2]
+        focal = float(rows[0]["fx_px"])
+        # only floor or not is known: everything else keeps its class unknown
+        segments = np.where(floor > 127, 2, UNKNOWN).astype(np.uint8)
+        first = rows[0]
+        samples.append(
+            Sample(
+                name=name,
+                source="rendered",
+                place=f"home-{first['home']}",
+                image=image,
+                camera=(focal, focal, (width - 1) / 2, (height - 1) / 2),
+                open=int(first["open"]),
+                spans=tuple(
+                    Span(float(row["left_px"]), float(row["right_px"]))
+                    for row in rows
+                    if row["open"] == "1"
+                ),
+                depth_m=depth,
+                segments=segments,
+                clear=int(first["clear"]) if first["clear"] else None,
+                extra={"floor": floor > 127},
+            )
+        )
+    return samples
+
+
+def cluster_places(descriptors: NDArray[np.float32], threshold: float) -> NDArray[np.int64]:
+    """Place numbers of pictures whose descriptors are linked by cosine similarity.
+
+    descriptors: (N, V, D), V views of each picture (itself, mirrored). Two pictures belong to
+    one place if any pair of their views is more alike than `threshold`, transitively.
+    """
+    # what all pictures share says nothing of the place
+    descriptors = descriptors - descriptors.mean(axis=(0, 1))
+    unit = descriptors / np.linalg.norm(descriptors, axis=-1, keepdims=True)
+    count = len(unit)
+    alike = np.full((count, count), -1.0, np.float32)
+    for view in range(unit.shape[1]):
+        np.maximum(alike, unit[:, 0] @ unit[:, view].T, out=alike)
+    alike = np.maximum(alike, alike.T)
+    place = np.arange(count)
+
+    def root(node: int) -> int:
+        while place[node] != node:
+            place[node] = place[place[node]]
+            node = int(place[node])
+        return node
+
+    for a, b in zip(*np.nonzero(np.triu(alike > threshold, 1)), strict=True):
+        place[root(int(a))] = root(int(b))
+    return np.array([root(node) for node in range(count)])
+
+
+def folds(places: Iterable[str], count: int) -> dict[str, int]:
+    """Fold of each place: places in name order, dealt in turn, so that folds are alike in size."""
+    return {place: index % count for index, place in enumerate(sorted(set(places)))}
