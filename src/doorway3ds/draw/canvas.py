@@ -123,6 +123,12 @@ def cased(view: View, lines: Sequence[ArrayLike], color: Color, units: float) ->
     strokes(view.canvas, lines, color, view.thick(units))
 
 
+def dashed(view: View, line: ArrayLike, color: Color, units: float) -> None:
+    """A cased line in dashes; the gaps allow for the round ends, which thickness sets."""
+    thickness = view.thick(units) + 2 * view.thick(0.6)
+    cased(view, list(dashes(line, 7 * view.unit, 5 * view.unit + thickness)), color, units)
+
+
 def tint(view: View, mask: NDArray[np.uint8], color: Color, alpha: float) -> None:
     """Mix `color` into the canvas where `mask` (canvas-sized, 0..255) is set."""
     x, y, width, height = cv2.boundingRect(mask)

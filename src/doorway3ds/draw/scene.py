@@ -23,7 +23,7 @@ from doorway3ds.draw.canvas import (
     WHITE,
     View,
     cased,
-    dashes,
+    dashed,
     disc,
     fill,
     fixed,
@@ -55,7 +55,7 @@ def paint_corridor(view: View, corridor: ArrayLike, clear: bool | None) -> None:
     cv2.fillPoly(mask, [fixed(points)], 255, cv2.LINE_8, SHIFT)
     outline = np.concatenate([points, points[:1]])
     if clear is None:
-        cased(view, list(dashes(_inside(outline, view), 9 * view.unit, 7 * view.unit)), WHITE, 1.4)
+        dashed(view, _inside(outline, view), WHITE, 1.4)
         return
     color = GREEN if clear else VERMILLION
     tint(view, mask, color, 0.42 if clear else 0.26)
@@ -201,8 +201,7 @@ def paint_candidate(view: View, opening: Opening) -> None:
         if opening.cut in (side, "both"):
             continue
         x = view.x(column)
-        pieces = list(dashes([(x, top), (x, bottom)], 8 * view.unit, 6 * view.unit))
-        cased(view, pieces, WHITE, 1.4)
+        dashed(view, [(x, top), (x, bottom)], WHITE, 1.4)
 
 
 def paint_aim(view: View, pixel: tuple[int, int], color: Color = AZURE) -> None:
@@ -227,11 +226,11 @@ def paint_paper_pixels(view: View, decision: Decision, labels: bool = True) -> N
     if "max" in marks and "best" in marks:
         cased(view, [[marks["max"], marks["best"]]], WHITE, 1.4)
     if "best" in marks and "trigger" in marks:
-        free = decision.selection.clear
-        way: list[ArrayLike] = [[marks["best"], marks["trigger"]]]
-        if free is False:
-            way = list(dashes(way[0], 7 * view.unit, 5 * view.unit))
-        cased(view, way, VERMILLION if free is False else GREEN, 3)
+        way = [marks["best"], marks["trigger"]]
+        if decision.selection.clear is False:
+            dashed(view, way, VERMILLION, 3)
+        else:
+            cased(view, [way], GREEN, 3)
     size = 7 * view.unit
     if "trigger" in marks:
         x, y = marks["trigger"]
