@@ -27,7 +27,7 @@ def test_nyu_is_cut_and_its_camera_moves_along(nyu):
     assert frame.image.shape == (460, 620, 3)
     depth = datasets.load_depth(sample)
     assert depth[0, 0] == pytest.approx(51 * 9.9955 / 255)
-    assert depth[0, 290] == pytest.approx(9.9955)  # column 300 of the uncut picture
+    assert depth[0, 290] == 10  # or more; column 300 of the uncut picture
     first, second = truth_of(sample).openings
     # By the uncut camera: atan((325.58 - 350) / 518.86)
     assert first.bearing_deg == pytest.approx(math.degrees(math.atan2(325.58 - 350, 518.86)))

@@ -32,6 +32,8 @@ from doorway3ds.types import Frame
 NYU_KINDS = {2: "cabinet", 7: "door leaf", 8: "window", 10: "picture", 15: "curtain", 18: "mirror"}
 KIND_SHARE = 0.02  # of a picture's pixels, from which on a kind counts as shown
 
+DEPTH_FULL_M = 10.0
+
 # width, height, EXIF focal length as on 35 mm film -> camera
 FitCamera = Callable[[int, int, float | None], Camera]
 
@@ -55,7 +57,8 @@ class Sample:
     camera None: what `fit` gives, once the picture's size is known. is_open None: neither
     open nor closed (half open). crop: (top, bottom, left, right) to cut from picture, depth
     and labels alike. size: (width, height) to stretch the picture to. depth_unit_m: metres per
-    count; counts of 0 are unknown. eigen_box: the Eigen crop in the cropped picture.
+    count; counts of 0 are unknown. depth_full: the count that
+    stands for DEPTH_FULL_M or more. eigen_box: the Eigen crop in the cropped picture.
     """
 
     name: str
@@ -72,6 +75,7 @@ class Sample:
     size: tuple[int, int] | None = None
     depth_path: Path | None = None
     depth_unit_m: float = 0.001
+    depth_full: int | None = None
     labels_path: Path | None = None
     eigen_box: tuple[int, int, int, int] | None = None
 
@@ -109,8 +113,11 @@ def load_depth(sample: Sample) -> NDArray[np.float32] | None:
     raw = cv2.imread(str(sample.depth_path), cv2.IMREAD_UNCHANGED)
     if raw is None or raw.ndim != 2:
         raise UserError(f"{sample.depth_path} is no one-channel depth picture that can be read")
-    depth = _cropped(raw, sample).astype(np.float32) * np.float32(sample.depth_unit_m)
-    depth[depth == 0] = np.nan
+    counts = _cropped(raw, sample)
+    depth = counts.astype(np.float32) * np.float32(sample.depth_unit_m)
+    depth[counts == 0] = np.nan
+    if sample.depth_full is not None:
+        depth[counts == sample.depth_full] = DEPTH_FULL_M
     return np.asarray(depth, np.float32)
 
 

@@ -108,8 +108,8 @@ def add_direction_pictures(
     report.notes.append(INTERVALS)
     report.notes.append(
         "Contact sheets: marked openings green; the answer's bearing amber where within 5 "
-        "degrees, red where not. A wrong turn comes before a turn without a doorway, that before "
-        "a turn along a blocked way, that before an error without a turn."
+        "degrees, red where not. A turn past the opening comes before a turn without a doorway, "
+        "that before a turn along a blocked way, that before a missed or an inexact opening."
     )
 
 
@@ -119,7 +119,7 @@ def badness(outcome: Outcome, record: DirectionRecord) -> float:
     if not record.truth.openings:
         sure = 0.0 if math.isnan(record.p_open) else record.p_open
         return outcome.go * (100 + sure)
-    if outcome.go and not outcome.within:
+    if outcome.go and not (outcome.within or outcome.inside):
         return 200 + error
     if outcome.go and outcome.way_clear == 0:
         return 90

@@ -54,7 +54,7 @@ def shares(runs: Mapping[str, DirectionMetrics]) -> bytes:
             axes.errorbar(value, at, xerr=spread, fmt="o", color=color, label=name, markersize=4)
         axes.set_yticks(np.arange(len(GO_ROWS))[::-1], [METRICS[row].title for row in GO_ROWS])
         axes.set(xlim=(0, 1), xlabel="share, with the 95 % interval by place")
-        axes.legend(frameon=False)
+        axes.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.3, 1.0), ncols=2)
     return done()
 
 

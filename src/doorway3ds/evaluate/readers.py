@@ -16,7 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from doorway3ds.camera import Camera, Pose
-from doorway3ds.errors import UserError
+from doorway3ds.errors import CallError, UserError
 from doorway3ds.evaluate.datasets import Dataset, Marked, Sample
 from doorway3ds.imageheader import HeaderError, read_header
 from doorway3ds.images import SUFFIXES
@@ -63,7 +63,7 @@ def read_dataset(
         raise UserError(f"expected a folder with marked pictures, got {path}")
     layout = layout or _guess_layout(path)
     if layout not in LAYOUTS:
-        raise UserError(f"expected a layout of {', '.join(LAYOUTS)}, got '{layout}'")
+        raise CallError(f"expected a layout of {', '.join(LAYOUTS)}, got '{layout}'")
     if layout == "boxes":
         samples, known = _read_boxes(path)
     elif layout == "folders":
@@ -165,6 +165,7 @@ def _with_files(
             crop=NYU_CROP,
             depth_path=depth_path,
             depth_unit_m=NYU_UNIT_M,
+            depth_full=255,
             labels_path=labels if labels.is_file() else None,
             eigen_box=NYU_EIGEN_BOX,
         )
