@@ -1,0 +1,334 @@
+"""The plan of an apartment from a seed: rooms, what joins them, windows, mirrors.
+
+Plan coordinates are metres, x and y along the walls, z up from the floor. Rooms are
+rectangles between wall centre lines; a wall is `Home.wall_m` thick.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+Rng = np.random.Generator
+
+# States that count as an open doorway (the definition is in docs/sim.md).
+OPEN_STATES = ("open", "half", "no_leaf", "archway", "sliding_open")
+MIN_OPEN_DEG = 30.0
+
+
+@dataclass(frozen=True)
+class Room:
+    """One room. light: RGB factor on everything in it; lamps: (x, y) of its ceiling lights."""
+
+    index: int
+    kind: str
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+    light: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    lamps: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def area(self) -> float:
+        return (self.x1 - self.x0) * (self.y1 - self.y0)
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        return (self.x0 + self.x1) / 2, (self.y0 + self.y1) / 2
+
+    def holds(self, x: float, y: float, margin: float = 0.0) -> bool:
+        return (
+            self.x0 + margin <= x <= self.x1 - margin and self.y0 + margin <= y <= self.y1 - margin
+        )
+
+
+@dataclass(frozen=True)
+class Portal:
+    """An opening in a wall: doorway, archway, sliding door or window.
+
+    axis: 0 if the wall is at x = `wall`, running along y; 1 if at y = `wall`, along x.
+    at, width, sill, height: middle along the wall, free width, lower edge, upper edge (metres).
+    rooms: index on the low side of the wall and on the high side; -1 is outdoors.
+    state: open, half, closed, no_leaf, archway, sliding_open, sliding_closed, window.
+    hinge: -1 / +1, the jamb the leaf hangs on; swing: the side of the wall it opens to.
+    """
+
+    axis: int
+    wall: float
+    at: float
+    width: float
+    sill: float
+    height: float
+    rooms: tuple[int, int]
+    state: str
+    hinge: int = 1
+    swing: int = 1
+    angle_deg: float = 0.0
+    style: int = 0
+
+    @property
+    def is_open(self) -> bool:
+        return self.state in OPEN_STATES
+
+    def point(self, along: float, across: float = 0.0) -> tuple[float, float]:
+        """Plan point `along` the wall from the middle, `across` it from the centre line."""
+        if self.axis == 0:
+            return self.wall + across, self.at + along
+        return self.at + along, self.wall + across
+
+    @property
+    def free(self) -> tuple[float, float]:
+        """What is passable, along the wall from the middle (a sliding door covers half)."""
+        half = self.width / 2
+        if self.state == "sliding_open":
+            return (-half, 0.0) if self.hinge > 0 else (0.0, half)
+        return -half, half
+
+
+@dataclass(frozen=True)
+class WallSpan:
+    """One room's side of one wall, room-facing: side 0..3 = low x, high x, low y, high y."""
+
+    room: int
+    side: int
+    holes: tuple[Portal, ...]
+
+
+@dataclass(frozen=True)
+class Home:
+    seed: int
+    rooms: tuple[Room, ...]
+    portals: tuple[Portal, ...]
+    ceiling_m: float
+    wall_m: float
+    style: dict[str, float] = field(default_factory=dict)
+
+    def room_at(self, x: float, y: float) -> Room | None:
+        return next((r for r in self.rooms if r.holds(x, y)), None)
+
+    def portals_of(self, room: int) -> list[Portal]:
+        return [p for p in self.portals if room in p.rooms]
+
+    def spans(self) -> list[WallSpan]:
+        out = []
+        for room in self.rooms:
+            for side, (axis, wall) in enumerate(
+                ((0, room.x0), (0, room.x1), (1, room.y0), (1, room.y1))
+            ):
+                holes = tuple(
+                    p
+                    for p in self.portals
+                    if p.axis == axis and abs(p.wall - wall) < 1e-6 and room.index in p.rooms
+                )
+                out.append(WallSpan(room.index, side, holes))
+        return out
+
+
+def _split(rng: Rng, rect: tuple[float, float, float, float], least: float, depth: int) -> list[
+    tuple[float, float, float, float]
+]:
+    x0, y0, x1, y1 = rect
+    w, h = x1 - x0, y1 - y0
+    if depth == 0 or max(w, h) < 2 * least + 0.3 or (w * h < 14 and rng.random() < 0.6):
+        return [rect]
+    cut = rng.uniform(0.36, 0.64)
+    if w >= h:
+        x = float(np.clip(x0 + cut * w, x0 + least, x1 - least))
+        a, b = (x0, y0, x, y1), (x, y0, x1, y1)
+    else:
+        y = float(np.clip(y0 + cut * h, y0 + least, y1 - least))
+        a, b = (x0, y0, x1, y), (x0, y, x1, y1)
+    return _split(rng, a, least, depth - 1) + _split(rng, b, least, depth - 1)
+
+
+def _rectangles(rng: Rng) -> tuple[list[tuple[float, float, float, float]], int]:
+    """Rectangles and the index of the corridor (-1: none)."""
+    width, depth = rng.uniform(8.0, 13.5), rng.uniform(7.0, 11.0)
+    if rng.random() < 0.3:
+        return _split(rng, (0.0, 0.0, width * 0.8, depth * 0.8), 2.4, 3), -1
+    corridor = rng.uniform(1.15, 1.9)
+    low = rng.uniform(0.36, 0.58) * (depth - corridor)
+    end = width if rng.random() < 0.5 else width * rng.uniform(0.5, 0.75)
+    strips = []
+    for y0, y1 in ((0.0, low), (low + corridor, depth)):
+        parts = int(np.clip(round(width / rng.uniform(2.8, 4.6)), 2, 4))
+        cuts = np.cumsum(rng.uniform(0.8, 1.4, parts))
+        xs = np.concatenate([[0.0], cuts / cuts[-1] * width])
+        strips += [(float(a), y0, float(b), y1) for a, b in zip(xs[:-1], xs[1:], strict=True)]
+    rects = [(0.0, low, end, low + corridor), *strips]
+    if end < width:
+        rects.append((end, low, width, low + corridor))
+        # The stub behind the corridor joins the room above it where their sides agree.
+        above = next((i for i, r in enumerate(rects[1:-1], 1) if r[1] > low and r[2] == width), 0)
+        x0 = rects[above][0]
+        if above and x0 > 1.8:
+            rects[0] = (0.0, low, x0, low + corridor)
+            rects[above] = (x0, low, width, depth)
+            rects.pop()
+    return rects, 0
+
+
+def _kinds(rng: Rng, rects: list[tuple[float, float, float, float]], corridor: int) -> list[str]:
+    areas = [(r[2] - r[0]) * (r[3] - r[1]) for r in rects]
+    kinds = [""] * len(rects)
+    order = list(np.argsort(areas)[::-1])
+    pool = ["living", "bedroom", "kitchen", "bedroom", "bath", "office", "dining", "bedroom"]
+    if corridor >= 0:
+        kinds[corridor] = "corridor"
+        order.remove(corridor)
+    for i in order:
+        if areas[i] < 4.5:
+            kinds[i] = str(rng.choice(["bath", "store", "bath"]))
+        else:
+            kinds[i] = pool.pop(0) if pool else str(rng.choice(["bedroom", "office", "living"]))
+    return kinds
+
+
+def _shared(a: Room, b: Room) -> tuple[int, float, float, float, tuple[int, int]] | None:
+    """(axis, wall, from, to, (low room, high room)) of the wall two rooms share."""
+    for low, high in ((a, b), (b, a)):
+        if abs(low.x1 - high.x0) < 1e-6:
+            lo, hi = max(low.y0, high.y0), min(low.y1, high.y1)
+            if hi - lo > 1.0:
+                return 0, low.x1, lo, hi, (low.index, high.index)
+        if abs(low.y1 - high.y0) < 1e-6:
+            lo, hi = max(low.x0, high.x0), min(low.x1, high.x1)
+            if hi - lo > 1.0:
+                return 1, low.y1, lo, hi, (low.index, high.index)
+    return None
+
+
+def _door(rng: Rng, wall: tuple[int, float, float, float, tuple[int, int]], kinds: tuple[str, str],
+          ceiling: float) -> Portal:  # fmt: skip
+    axis, at_wall, lo, hi, rooms = wall
+    span = hi - lo - 0.36
+    social = {"living", "dining", "kitchen", "corridor"}
+    roll = rng.random()
+    height = float(rng.uniform(1.96, 2.12))
+    state, angle = "closed", 0.0
+    width = float(rng.uniform(0.68, 0.98))
+    if set(kinds) <= social and roll < 0.42 and span > 1.1:
+        width = float(rng.uniform(0.9, min(2.2, span)))
+        height = float(rng.uniform(2.0, min(2.35, ceiling - 0.12)))
+        state = "archway"
+    elif roll < 0.58:
+        state, angle = "open", float(rng.uniform(60, 120))
+    elif roll < 0.68:
+        state, angle = "half", float(rng.uniform(MIN_OPEN_DEG, 60))
+    elif roll < 0.78:
+        state = "no_leaf"
+    else:
+        # Ajar by a hand's width is still closed to a robot.
+        angle = float(rng.uniform(2, 14)) if rng.random() < 0.15 else 0.0
+    width = min(width, span)
+    side = rng.random()
+    if side < 0.6 and span > width + 0.4:
+        near = lo if rng.random() < 0.5 else hi
+        at = near + np.sign((lo + hi) / 2 - near) * (0.18 + width / 2 + rng.uniform(0.05, 0.35))
+    else:
+        at = rng.uniform(lo + 0.18 + width / 2, hi - 0.18 - width / 2 + 1e-6)
+    return Portal(axis, at_wall, float(at), width, 0.0, height, rooms, state,
+                  hinge=int(rng.choice([-1, 1])), swing=int(rng.choice([-1, 1])),
+                  angle_deg=angle, style=int(rng.integers(6)))  # fmt: skip
+
+
+def _windows(rng: Rng, rooms: list[Room], bounds: tuple[float, float, float, float],
+             ceiling: float) -> list[Portal]:  # fmt: skip
+    out = []
+    balcony_done = False
+    for room in rooms:
+        sides = [
+            (0, room.x0, bounds[0], room.y0, room.y1, (-1, room.index)),
+            (0, room.x1, bounds[2], room.y0, room.y1, (room.index, -1)),
+            (1, room.y0, bounds[1], room.x0, room.x1, (-1, room.index)),
+            (1, room.y1, bounds[3], room.x0, room.x1, (room.index, -1)),
+        ]
+        for axis, wall, edge, lo, hi, pair in sides:
+            if abs(wall - edge) > 1e-6 or room.kind in ("store",):
+                continue
+            span = hi - lo - 0.7
+            if room.kind == "living" and span > 1.9 and not balcony_done and rng.random() < 0.6:
+                balcony_done = True
+                state = "sliding_open" if rng.random() < 0.6 else "sliding_closed"
+                out.append(Portal(axis, wall, (lo + hi) / 2, float(min(span, rng.uniform(1.7, 2.6))),
+                                  0.0, float(min(2.25, ceiling - 0.15)), pair, state,
+                                  hinge=int(rng.choice([-1, 1]))))  # fmt: skip
+                continue
+            if rng.random() > (0.35 if room.kind == "corridor" else 0.72) or span < 0.5:
+                continue
+            width = float(rng.uniform(0.5, min(span, 2.2)))
+            sill = float(rng.choice([0.15, 0.45, 0.8, 0.9, 1.0])) + (0.4 if room.kind == "bath" else 0)
+            if sill < 0.5 and rng.random() < 0.6:
+                sill = 0.9
+            at = rng.uniform(lo + 0.35 + width / 2, hi - 0.35 - width / 2 + 1e-6)
+            top = float(min(rng.uniform(2.0, 2.3), ceiling - 0.1))
+            out.append(Portal(axis, wall, float(at), width, sill, top, pair, "window",
+                              style=int(rng.integers(4))))  # fmt: skip
+    return out
+
+
+def _lit(rng: Rng, room: Room, day: bool) -> Room:
+    """Brightness, colour of light and lamps of one room."""
+    on = rng.random() < (0.55 if day else 0.85)
+    level = rng.uniform(0.8, 1.0) if on else rng.uniform(0.45, 0.8) if day else rng.uniform(0.12, 0.3)
+    warm = rng.uniform(0.0, 0.22) if on else rng.uniform(-0.08, 0.04)
+    light = (level, level * (1 - 0.45 * warm), level * (1 - warm))
+    nx = 2 if room.x1 - room.x0 > 5 else 1
+    ny = 2 if room.y1 - room.y0 > 5 else 1
+    lamps = tuple(
+        (
+            room.x0 + (room.x1 - room.x0) * (i + 0.5 + rng.uniform(-0.1, 0.1)) / nx,
+            room.y0 + (room.y1 - room.y0) * (j + 0.5 + rng.uniform(-0.1, 0.1)) / ny,
+        )
+        for i in range(nx)
+        for j in range(ny)
+    )
+    return replace(room, light=tuple(float(min(1.0, max(0.0, v))) for v in light), lamps=lamps)
+
+
+def generate(seed: int) -> Home:
+    """The apartment of a seed; equal seeds give equal homes."""
+    rng = np.random.default_rng([0x3D5, seed])
+    rects, corridor = _rectangles(rng)
+    kinds = _kinds(rng, rects, corridor)
+    if rng.random() < 0.5:
+        rects = [(y0, x0, y1, x1) for x0, y0, x1, y1 in rects]
+    ceiling = float(rng.uniform(2.35, 2.95))
+    day = bool(rng.random() < 0.75)
+    rooms = [
+        _lit(rng, Room(i, kind, *rect), day)
+        for i, (kind, rect) in enumerate(zip(kinds, rects, strict=True))
+    ]
+    portals: list[Portal] = []
+    joined = {0 if corridor < 0 else corridor}
+    walls = []
+    for i, a in enumerate(rooms):
+        for b in rooms[i + 1 :]:
+            wall = _shared(a, b)
+            if wall:
+                walls.append(wall)
+    while True:
+        grow = [w for w in walls if (w[4][0] in joined) != (w[4][1] in joined)]
+        if not grow:
+            break
+        # Off the corridor first, as in real plans.
+        hubs = [w for w in grow if corridor in w[4]] or grow
+        wall = hubs[int(rng.integers(len(hubs)))]
+        joined |= set(wall[4])
+        portals.append(_door(rng, wall, (kinds[wall[4][0]], kinds[wall[4][1]]), ceiling))
+        walls.remove(wall)
+    for wall in walls:
+        if rng.random() < 0.28:
+            portals.append(_door(rng, wall, (kinds[wall[4][0]], kinds[wall[4][1]]), ceiling))
+    bounds = (
+        min(r.x0 for r in rooms),
+        min(r.y0 for r in rooms),
+        max(r.x1 for r in rooms),
+        max(r.y1 for r in rooms),
+    )
+    portals += _windows(rng, rooms, bounds, ceiling)
+    style = {"day": float(day), "sun_deg": float(rng.uniform(0, 360)),
+             "sun_up_deg": float(rng.uniform(20, 55)), "trim": float(rng.random())}  # fmt: skip
+    return Home(seed, tuple(rooms), tuple(portals), ceiling, float(rng.uniform(0.09, 0.2)), style)
