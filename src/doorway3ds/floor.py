@@ -177,7 +177,7 @@ def _find_plane(
     if np.count_nonzero(seen) < max(12, params.min_share * seen.size):
         return known
     rows, columns = np.nonzero(seen)
-    thin = slice(None, None, max(1, rows.size // 1500))
+    thin = slice(None, None, max(1, rows.size // 800))
     rows, columns = rows[thin], columns[thin]
     q = (rays[rows, columns] * depth[rows, columns, None]) @ turn.T
     fitted = _fit(q, known, depth_error, params)
@@ -194,7 +194,7 @@ def _fit(
         max_tilt = params.max_tilt_deg + math.degrees(depth_error)
 
     rng = np.random.default_rng(0)  # fixed: the same picture gives the same plane
-    triples = q[rng.integers(0, len(q), (64, 3))]
+    triples = q[rng.integers(0, len(q), (48, 3))]
     guesses = _cofactor_solve(triples)
     norm = np.linalg.norm(guesses, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):

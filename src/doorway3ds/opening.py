@@ -15,7 +15,7 @@ import numpy as np
 from doorway3ds.camera import bearing_of_pixel, pixel_to_ray
 from doorway3ds.clearance import Clearance, ClearanceParams, sweep
 from doorway3ds.floor import FloorParams, Scene, build_scene
-from doorway3ds.threshold import ThresholdParams, locate_threshold
+from doorway3ds.threshold import ThresholdParams, Walls, locate_threshold, see_walls
 from doorway3ds.types import ColumnVotes, Frame, Opening, Perception, Selection
 
 Span = tuple[float, float, float]
@@ -107,15 +107,17 @@ def select_opening(
     spans = decode_columns(
         perception.columns, frame.camera.width, params.min_score, params.same_iou
     )
-    openings = tuple(_opening(span, scene, frame, params) for span in spans)
+    walls = None if scene is None else see_walls(scene, params.threshold)
+    openings = tuple(_opening(span, scene, walls, frame, params) for span in spans)
     if not openings:
         return Selection(None, None, None, None, unsure="no opening is found in the columns")
 
     best = openings[0]
+    passing_deg = _passing_bearing(best, params)
     way: Clearance | None = None
     if scene is not None:
-        way = sweep(scene, frame.camera, best.bearing_deg, best.range_m, params.clearance)
-    unsure, look = _doubt(best, params)
+        way = sweep(scene, frame.camera, passing_deg, best.range_m, params.clearance)
+    unsure, look = _doubt(best, passing_deg, params)
     return Selection(
         bearing_deg=best.bearing_deg,
         range_m=best.range_m,
@@ -129,7 +131,9 @@ def select_opening(
     )
 
 
-def _opening(span: Span, scene: Scene | None, frame: Frame, params: OpeningParams) -> Opening:
+def _opening(
+    span: Span, scene: Scene | None, walls: Walls | None, frame: Frame, params: OpeningParams
+) -> Opening:
     """One span with its bearings and the range to its threshold."""
     camera, pose = frame.camera, frame.pose
     left, right, score = span
@@ -139,13 +143,10 @@ def _opening(span: Span, scene: Scene | None, frame: Frame, params: OpeningParam
     row = (camera.height - 1) / 2
     pixels = np.array([[left, row], [(left + right) / 2, row], [right, row]])
     range_m: float | None = None
-    if scene is not None:
-        middle = locate_threshold(
-            scene,
-            (None if cut_left else left, None if cut_right else right),
-            pixel_to_ray(camera, pixels) @ scene.turn.T,
-            params.threshold,
-        )
+    if scene is not None and walls is not None:
+        edges = pixel_to_ray(camera, pixels) @ scene.turn.T
+        jambs = (not cut_left, not cut_right)
+        middle = locate_threshold(scene, walls, edges, jambs, params.threshold)
         range_m = None if middle is None else float(np.hypot(*middle))
     left_deg, bearing, right_deg = bearing_of_pixel(camera, pose, pixels, range_m)
     return Opening(
@@ -153,17 +154,29 @@ def _opening(span: Span, scene: Scene | None, frame: Frame, params: OpeningParam
     )
 
 
-def _doubt(best: Opening, params: OpeningParams) -> tuple[str | None, str | None]:
+def _passing_bearing(best: Opening, params: OpeningParams) -> float:
+    """The bearing nearest to the opening's own at which the robot passes its visible jamb.
+
+    It differs from the opening's own only where the picture cuts it: the doorway goes on beyond
+    the picture's edge, so the visible middle may lie too near the one jamb in view.
+    """
+    if best.cut not in ("left", "right"):
+        return best.bearing_deg
+    distance = best.range_m or params.assumed_range_m
+    half = math.degrees(math.asin(min(1.0, params.clearance.width_m / 2 / distance)))
+    room = half + params.face_margin_deg
+    if best.cut == "left":
+        return max(best.bearing_deg, best.right_deg + room)
+    return min(best.bearing_deg, best.left_deg - room)
+
+
+def _doubt(
+    best: Opening, passing_deg: float, params: OpeningParams
+) -> tuple[str | None, str | None]:
     """Why the best opening's bearing should not be acted on, and the side to look to."""
-    side = "left" if best.bearing_deg > 0 else "right"
-    if best.cut in ("left", "right"):
-        # The doorway goes on beyond the picture; only the jamb in view can be hit. Facing the
-        # middle of what is visible, the robot's side must pass it.
-        jamb_deg = best.right_deg if best.cut == "left" else best.left_deg
-        distance = best.range_m or params.assumed_range_m
-        half = math.asin(min(1.0, params.clearance.width_m / 2 / distance))
-        if abs(best.bearing_deg - jamb_deg) < math.degrees(half) + params.face_margin_deg:
-            return f"the opening is cut by the picture's {best.cut} edge", best.cut
+    if passing_deg != best.bearing_deg:
+        return f"the opening is cut by the picture's {best.cut} edge", best.cut
     if best.score < params.sure_score:
+        side = "left" if best.bearing_deg > 0 else "right"
         return f"the best opening scores only {best.score:.2f}", side
     return None, None

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from doorway3ds.camera import Array
-from doorway3ds.floor import Scene
+from doorway3ds.floor import Mask, Scene
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,9 @@ class ThresholdParams:
     gap: columns of the depth grid left out beside the edge, where depth mixes wall and opening;
         gap_gain is added per unit of the network's depth error.
     band: width of the strip outside an edge, as a fraction of the picture's width.
-    rows: half-height of the strip around mid-height, as a fraction of the picture's height.
+    low_m, high_m: height above the floor between which a jamb is looked for.
+    same: relative difference within which points belong to one wall.
+    beyond: a jamb is not farther than what is seen through the opening times this.
     max_ratio: of the two jambs' distances; beyond it one of them is furniture or a door leaf.
     min_width_m, max_width_m: of a believable doorway.
     """
@@ -26,116 +28,134 @@ class ThresholdParams:
     gap: float = 0.75
     gap_gain: float = 4.0
     band: float = 0.05
-    rows: float = 0.2
+    low_m: float = 0.2
+    high_m: float = 1.9
+    same: float = 0.15
+    beyond: float = 1.1
     max_ratio: float = 1.8
     min_width_m: float = 0.35
     max_width_m: float = 4.0
 
 
+@dataclass(frozen=True)
+class Walls:
+    """The scene by vertical planes through the lens, (h, w) each.
+
+    slope: tangent of a ray's bearing against the camera's axis, + left. ahead: horizontal
+    distance along that axis. A wall is a straight line in 1 / ahead over slope.
+    wall: may belong to a jamb. ground: `ahead` where the ray meets the floor's plane, nan for
+    pixels that are not floor; None where no floor is known. pitch: slope from one column of
+    the grid to the next. axis: (2,) unit vector of the camera's axis on the floor.
+    """
+
+    slope: Array
+    ahead: Array
+    wall: Mask
+    ground: Array | None
+    pitch: float
+    axis: Array
+
+
 def locate_threshold(
     scene: Scene,
-    edges_px: tuple[float | None, float | None],
-    edge_rays: Array,
+    walls: Walls,
+    edges: Array,
+    seen: tuple[bool, bool],
     params: ThresholdParams,
 ) -> Array | None:
     """(2,) floor position of the middle of the threshold, None where no jamb tells it.
 
-    edges_px: the opening's left and right column, None where the picture's edge cuts it.
-    edge_rays: (3, 3) rays in the floor frame through left edge, middle and right edge.
+    edges: (3, 3) rays in the floor frame through the opening's left edge, middle, right edge.
+    seen: whether its left and right edge are jambs, and not the picture's own edge.
     """
-    ways = edge_rays[:, :2] / np.linalg.norm(edge_rays[:, :2], axis=1, keepdims=True)
-    lens = scene.lens[:2]
-    reach: list[float | None] = [None, None]
-    for side, edge in enumerate(edges_px):
-        if edge is not None:
-            near, far = (
-                _jamb_reach(scene, edge, side, params),
-                _floor_reach(scene, edge, side, params),
-            )
-            reach[side] = _agree(near, far, scene.depth_error)
-    left, right = reach
+    axis = walls.axis
+    aside = np.array([-axis[1], axis[0]])
+    slopes = (edges[:, :2] @ aside) / (edges[:, :2] @ axis)
+    found = [
+        _jamb(scene, walls, float(slopes[edge]), outward, params) if seen[side] else None
+        for side, (edge, outward) in enumerate(((0, 1), (2, -1)))
+    ]
+
+    def place(ahead: float, slope: float) -> Array:
+        return np.asarray(scene.lens[:2] + ahead * (axis + slope * aside))
+
+    left, right = _within(walls, slopes, found, params)
     if left is not None and right is not None:
-        jambs = lens + np.array([[left], [right]]) * ways[[0, 2]]
-        width = float(np.linalg.norm(jambs[0] - jambs[1]))
+        one, two = place(left, slopes[0]), place(right, slopes[2])
+        width = float(np.linalg.norm(one - two))
         even = max(left, right) <= params.max_ratio * min(left, right)
         if even and params.min_width_m <= width <= params.max_width_m:
-            return np.asarray(jambs.mean(axis=0))
+            return (one + two) / 2
         # Furniture in front of one edge is nearer than the wall: believe the farther jamb.
         left, right = (left, None) if left > right else (None, right)
     known = left if left is not None else right
-    if known is None:
-        return None
-    # One jamb: the wall is taken to stand across the camera's axis.
-    edge_way = ways[0] if left is not None else ways[2]
+    # With one jamb, the wall is taken to stand across the camera's axis.
+    return None if known is None else place(known, float(slopes[1]))
+
+
+def _within(
+    walls: Walls, slopes: Array, jambs: list[float | None], params: ThresholdParams
+) -> tuple[float | None, float | None]:
+    """The jambs less one that lies beyond what is seen through the opening: not of its wall."""
+    left, right = jambs
+    inside = walls.wall & (walls.slope < slopes[0]) & (walls.slope > slopes[2])
+    through = walls.ahead[inside]
+    if left is not None and right is not None and through.size >= 5:
+        limit = params.beyond * float(np.quantile(through, 0.8))
+        if max(left, right) > limit:
+            return (left, None) if left < right else (None, right)
+    return left, right
+
+
+def see_walls(scene: Scene, params: ThresholdParams) -> Walls:
+    """The scene seen along the camera's horizontal axis."""
     axis = scene.turn[:2, 2] / np.linalg.norm(scene.turn[:2, 2])
-    across = float(np.clip((edge_way @ axis) / (ways[1] @ axis), 0.5, 2.0))
-    return np.asarray(lens + known * across * ways[1])
+    way = scene.directions[..., :2]
+    forward = way @ axis
+    slope = (way @ np.array([-axis[1], axis[0]])) / forward
+    ahead = (scene.x - scene.lens[0]) * axis[0] + (scene.y - scene.lens[1]) * axis[1]
+    wall = ahead > 0.05  # nan is not
+    ground: Array | None = None
+    if scene.plane is None:
+        rows = np.abs(np.linspace(-1, 1, ahead.shape[0])) < 0.4
+        wall &= rows[:, None]
+    else:
+        wall &= (scene.z > params.low_m) & (scene.z < params.high_m)
+        if scene.floor is not None:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                fall = scene.lens[2] / -scene.directions[..., 2]
+            ground = np.where(scene.floor & (fall > 0), fall * forward, np.nan)
+    middle = slope[slope.shape[0] // 2]
+    pitch = float(abs(middle[0] - middle[-1])) / max(1, middle.size - 1)
+    return Walls(slope, ahead, wall, ground, pitch, axis)
 
 
-def _band(scene: Scene, edge: float, side: int, gap: float, band: float) -> slice:
-    """The grid's columns just outside an edge (side 0: left of it, 1: right of it)."""
-    columns = scene.columns_px
-    pitch = columns[1] - columns[0] if columns.size > 1 else 1.0
-    near, reach = gap * pitch, max(3.0 * pitch, band * (columns[-1] - columns[0]))
-    low, high = (
-        (edge - near - reach, edge - near) if side == 0 else (edge + near, edge + near + reach)
-    )
-    return slice(int(np.searchsorted(columns, low)), int(np.searchsorted(columns, high, "right")))
-
-
-def _jamb_reach(scene: Scene, edge: float, side: int, params: ThresholdParams) -> float | None:
-    """Horizontal distance from the lens to the jamb, from the depth outside an edge.
-
-    A wall's inverse distance is straight along a row, so a line through the strip's columns is
-    drawn on to the edge.
-    """
-    gap = params.gap + params.gap_gain * scene.depth_error
-    band = _band(scene, edge, side, gap, params.band)
-    middle = (scene.rows_px[0] + scene.rows_px[-1]) / 2
-    reach = params.rows * (scene.rows_px[-1] - scene.rows_px[0] + 1)
-    low, high = np.searchsorted(scene.rows_px, [middle - reach, middle + reach])
-    x, y = scene.x[low:high, band] - scene.lens[0], scene.y[low:high, band] - scene.lens[1]
-    if x.size == 0:
-        return None
-    axis = scene.turn[:2, 2] / np.linalg.norm(scene.turn[:2, 2])
-    ahead = x * axis[0] + y * axis[1]
-    known = np.count_nonzero(np.isfinite(ahead), axis=0) >= max(2, ahead.shape[0] // 3)
-    if not known.any():
-        return None
-    inverse = 1 / np.nanmedian(ahead[:, known], axis=0)
-    columns = scene.columns_px[band][known]
-    typical = float(np.median(inverse))
-    if columns.size >= 3 and typical > 0:
-        offset = columns - columns.mean()
-        slope = float(offset @ inverse) / float(offset @ offset)
-        value = float(inverse.mean()) + slope * (edge - float(columns.mean()))
-        typical = float(np.clip(value, 0.85 * typical, 1.15 * typical))
-    if not typical > 0:
-        return None
-    row = int(np.argmin(np.abs(scene.rows_px - middle)))
-    way = scene.directions[row, int(np.argmin(np.abs(scene.columns_px - edge))), :2]
-    return float(np.hypot(*way) / (way @ axis) / typical)
-
-
-def _floor_reach(scene: Scene, edge: float, side: int, params: ThresholdParams) -> float | None:
-    """Horizontal distance from the lens to where the floor ends outside an edge."""
-    if scene.floor is None or scene.plane is None:
-        return None
-    band = _band(scene, edge, side, params.gap, params.band)
-    floor = scene.floor[:, band]
-    # The floor must reach the picture's lower edge, else furniture hides where it begins.
-    whole = floor[-1]
-    if np.count_nonzero(whole) < max(1, floor.shape[1] // 2):
-        return None
-    run = np.cumprod(floor[::-1, whole], axis=0).sum(axis=0)
-    top = np.clip(floor.shape[0] - run, 0, floor.shape[0] - 1)
-    columns = np.arange(scene.columns_px.size)[band][whole]
-    way = scene.directions[top, columns]
-    falling = way[:, 2] < -0.02
-    if np.count_nonzero(falling) * 2 < falling.size:
-        return None
-    way = way[falling]
-    return float(np.median(np.hypot(way[:, 0], way[:, 1]) * scene.lens[2] / -way[:, 2]))
+def _jamb(
+    scene: Scene, walls: Walls, edge: float, outward: int, params: ThresholdParams
+) -> float | None:
+    """Distance of a jamb along the camera's axis; `outward` is 1 at the left edge, -1 right."""
+    gap = (params.gap + params.gap_gain * scene.depth_error) * walls.pitch
+    reach = max(3.0, params.band * walls.slope.shape[1]) * walls.pitch
+    off = (walls.slope - edge) * outward
+    strip = (off >= gap) & (off <= gap + reach)
+    inverse = 1 / walls.ahead[strip & walls.wall]
+    jamb: float | None = None
+    if inverse.size >= 5:
+        slope = walls.slope[strip & walls.wall]
+        typical = float(np.median(inverse))
+        same = np.abs(inverse - typical) <= params.same * typical
+        offset, value = slope[same] - edge, inverse[same]
+        spread = offset - offset.mean()
+        tilt = float(spread @ value) / max(float(spread @ spread), 1e-12)
+        drawn_on = float(value.mean()) - tilt * float(offset.mean())
+        jamb = 1 / float(np.clip(drawn_on, 0.8 * typical, 1.2 * typical))
+    floor: float | None = None
+    if walls.ground is not None and (jamb is None or scene.depth_error > 0):
+        with np.errstate(invalid="ignore"):
+            ends = np.where(strip & (walls.ground > 0), walls.ground, 0.0).max(axis=0)
+        if np.count_nonzero(ends) >= 2:
+            floor = float(np.median(ends[ends > 0]))
+    return _agree(jamb, floor, scene.depth_error)
 
 
 def _agree(jamb: float | None, floor: float | None, depth_error: float) -> float | None:
