@@ -101,9 +101,10 @@ def test_install_and_load(tmp_path: Path, folder: Path) -> None:
 def test_a_wrong_file_never_replaces_a_good_one(tmp_path: Path, folder: Path) -> None:
     install("cnn-srin", tinynets.cnn_srin(tmp_path / "good.onnx"), source="good.onnx")
     before = {p.name: p.read_bytes() for p in folder.iterdir()}
-    bad = tinynets.densedepth(tmp_path / "bad.onnx")
-    with pytest.raises(UserError, match=r"network file bad\.onnx has another signature"):
-        install("cnn-srin", bad, source="bad.onnx")
+    for make in (tinynets.densedepth, tinynets.doornet):  # doornet's p_open is a logit
+        bad = make(tmp_path / "bad.onnx")
+        with pytest.raises(UserError, match=r"network file bad\.onnx has another signature"):
+            install("cnn-srin", bad, source="bad.onnx")
     (tmp_path / "junk.onnx").write_bytes(b"junk")
     with pytest.raises(UserError, match=r"network file junk\.onnx cannot be opened"):
         install("cnn-srin", tmp_path / "junk.onnx", source="junk.onnx")

@@ -25,7 +25,7 @@ OUT = Path("3ds-out")
 
 def look(
     images: Annotated[
-        list[str], typer.Argument(metavar="IMAGE...", help="Files, folders, or - for stdin.")
+        list[str], typer.Argument(metavar="IMAGE", help="Files, folders, or - for stdin.")
     ],
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON object per image and line.")

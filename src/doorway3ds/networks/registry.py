@@ -204,7 +204,7 @@ def kind_of(path: Path) -> str:
 
     names = output_names(path)
     for kind in MODELS:
-        if set(_adapter(kind).outputs) <= names:
+        if set(_adapter(kind).outputs) == names:
             return kind
     raise UserError(
         f"network file {path} has another signature: expected outputs of one of "

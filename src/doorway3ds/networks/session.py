@@ -40,7 +40,7 @@ class Session:
 
     path: the ONNX file.
     shapes: layouts allowed for the input "image"; a file may leave a fixed size open, too.
-    outputs: names that the file must give; it may give more.
+    outputs: names that the file must give, and no others.
     sha256: refuse a file whose digest is another.
     threads: per operator; default `available_threads()`.
     providers: default `available_providers()`.
@@ -75,13 +75,13 @@ class Session:
         """The layout among `shapes` that the file has."""
         expected = f'one float32 input "image" of shape {_or(shapes)} and {_names(self.outputs)}'
         inputs = self._session.get_inputs()
-        gives = {output.name: output for output in self._session.get_outputs()}
-        if [(i.name, i.type) for i in inputs] == [("image", "tensor(float)")]:
+        gives = {output.name: output.type for output in self._session.get_outputs()}
+        if [(i.name, i.type) for i in inputs] == [
+            ("image", "tensor(float)")
+        ] and gives == dict.fromkeys(self.outputs, "tensor(float)"):
             shape = tuple(n if isinstance(n, int) else None for n in inputs[0].shape)
             for layout in shapes:
-                if _fits(shape, layout) and all(
-                    name in gives and gives[name].type == "tensor(float)" for name in self.outputs
-                ):
+                if _fits(shape, layout):
                     return layout
         found = ", ".join(f'"{i.name}" {i.shape} {i.type}' for i in inputs) or "none"
         raise UserError(

@@ -1,0 +1,101 @@
+"""`3ds models`: the networks that have a name, and how their files come here."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from doorway3ds.errors import UserError
+
+app = typer.Typer(
+    invoke_without_command=True, help="List the networks, fetch or import their files."
+)
+
+
+@app.callback()
+def models(
+    context: typer.Context,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON object per network and line.")
+    ] = False,
+) -> None:
+    """List the networks: what each gives, whether its file is here, and how to get it."""
+    if context.invoked_subcommand is not None:
+        return
+    from doorway3ds.networks.registry import MODELS
+
+    rows = [_row(name) for name in MODELS]
+    for row in rows:
+        typer.echo(json.dumps(row) if as_json else _text(row))
+
+
+@app.command()
+def fetch(
+    name: str,
+    url: Annotated[str | None, typer.Option(help="http(s) address of an ONNX file.")] = None,
+    sha256: Annotated[str | None, typer.Option(help="The file's digest, required.")] = None,
+    licence: Annotated[str | None, typer.Option(help="Noted on the file's card.")] = None,
+) -> None:
+    """Download a network's file; it is installed only if its SHA-256 and signature are right."""
+    from doorway3ds.networks.fetch import fetch as download
+
+    typer.echo(f"{name}: installed {download(name, url, sha256, licence)}")
+
+
+@app.command("import")
+def import_file(
+    name: str,
+    file: Annotated[Path, typer.Argument(help="An ONNX file of the network's signature.")],
+    licence: Annotated[str | None, typer.Option(help="Noted on the file's card.")] = None,
+) -> None:
+    """Install an ONNX file, such as `3ds train` writes, under a network's name."""
+    from doorway3ds.networks.registry import install
+
+    typer.echo(f"{name}: installed {install(name, file, source=str(file), licence=licence)}")
+
+
+def _row(name: str) -> dict[str, Any]:
+    """What is known of one network and its file."""
+    from doorway3ds.networks.registry import MODELS, read_card
+    from doorway3ds.networks.session import digest
+
+    model = MODELS[name]
+    row: dict[str, Any] = {
+        "name": name,
+        "about": model.about,
+        "gives": list(model.gives),
+        "input": model.contract,
+        "licence": model.licence,
+        "file": str(model.path),
+        "state": "missing",
+        "sha256": None,
+        "make": model.make,
+    }
+    if not model.path.is_file():
+        return row
+    try:
+        card = read_card(model.path)
+        row["sha256"] = digest(model.path)
+    except (UserError, OSError) as error:
+        return row | {"state": f"unreadable: {error}"}
+    expected = card.sha256 or model.sha256
+    row["state"] = "here" if expected in (None, row["sha256"]) else "damaged"
+    row["size_mb"] = round(model.path.stat().st_size / 1e6, 1)
+    row["licence"] = card.licence or model.licence
+    row["source"] = card.source
+    return row
+
+
+def _text(row: dict[str, Any]) -> str:
+    """A few lines for people."""
+    lines = [f"{row['name']:<12}{row['about']}: {', '.join(row['gives'])}"]
+    if row["state"] == "here":
+        lines.append(f"here, {row['size_mb']} MB, SHA-256 {row['sha256'][:12]}: {row['file']}")
+    else:
+        lines.append(f"{row['state']}: {row['file']}")
+        lines.append(f"to get it: {row['make']}")
+    lines.append(f"input {row['input']}; licence {row['licence']}")
+    return ("\n" + " " * 12).join(lines)
