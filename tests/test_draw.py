@@ -144,6 +144,15 @@ def test_any_aspect_draws(size: tuple[int, int]) -> None:
     assert overlay(made).shape == (size[1], size[0], 3)
 
 
+@pytest.mark.parametrize("size", [(390, 200), (380, 200), (500, 500), (300, 400)])
+def test_long_words_stay_on_the_page(size: tuple[int, int]) -> None:
+    made = decision(Reason.UNSURE, size, network="a-network-with-a-very-long-name-" * 6)
+    made = replace(made, selection=replace(made.selection, unsure="it is not known " * 40))
+    page = annotate(made, 800)
+    edges = np.concatenate([page[-8:].reshape(-1, 3), page[:, -8:].reshape(-1, 3)])
+    assert (edges == page[0, 0]).all()
+
+
 UNKNOWN = np.full((48, 64), np.nan, np.float32)
 
 

@@ -126,7 +126,7 @@ def cased(view: View, lines: Sequence[ArrayLike], color: Color, units: float) ->
 def dashed(view: View, line: ArrayLike, color: Color, units: float) -> None:
     """A cased line in dashes; the gaps allow for the round ends, which thickness sets."""
     thickness = view.thick(units) + 2 * view.thick(0.6)
-    cased(view, list(dashes(line, 7 * view.unit, 5 * view.unit + thickness)), color, units)
+    cased(view, list(dashes(line, 7 * view.unit, 6 * view.unit + thickness)), color, units)
 
 
 def tint(view: View, mask: NDArray[np.uint8], color: Color, alpha: float) -> None:
@@ -151,6 +151,7 @@ def tag(
 ) -> None:
     """A small label at, or `beside` pixels from, a canvas point, where nothing is covered yet.
 
+    beside: right of the point first, or left of it where negative; 0 is on it.
     Left out where the canvas is too small to hold it.
     """
     size = units * view.unit
@@ -164,13 +165,14 @@ def tag(
     half_w, half_h = width / 2, height / 2
     rim = 4 * view.unit
     if beside:
+        aside, over = beside + np.copysign(half_w, beside), abs(beside) + half_h
         offsets = [
-            (beside + half_w, 0.0),
-            (-beside - half_w, 0.0),
-            (0.0, -beside - half_h),
-            (0.0, beside + half_h),
-            (beside + half_w, -beside - half_h),
-            (-beside - half_w, -beside - half_h),
+            (aside, 0.0),
+            (-aside, 0.0),
+            (0.0, -over),
+            (0.0, over),
+            (aside, -over),
+            (-aside, -over),
         ]
     else:
         offsets = [(0.0, step * (height + 2 * view.unit)) for step in (0, 1, 2, 3, 4)]

@@ -26,6 +26,7 @@ from doorway3ds.types import Decision, Reason
 DESIGN_WIDTH = 1600  # the page's layout is written for this width and scaled to others
 _MARGIN, _GAP, _SIDE = 48, 32, 472
 _SMALLEST_WIDTH = 400
+_TALLEST = 2400  # of all layouts, with every text at its longest
 _EXTREME = (0.2, 8.0)  # aspects beyond are drawn squeezed to these
 
 
@@ -140,7 +141,7 @@ class _Page:
 
     def __init__(self, width: int) -> None:
         self.scale = width / DESIGN_WIDTH
-        self.image = np.full((round(3000 * self.scale), width, 3), PAPER, np.uint8)
+        self.image = np.full((round(_TALLEST * self.scale), width, 3), PAPER, np.uint8)
 
     def cropped(self, bottom: float) -> Image:
         return self.image[: math.ceil(bottom * self.scale)].copy()

@@ -252,8 +252,13 @@ def paint_paper_pixels(view: View, decision: Decision, labels: bool = True) -> N
         s = 9.5 * view.unit
         view.taken.append((x - s, y - s, x + s, y + s))
     if labels:
+        # Outside of the way between Max and Best, so that its line stays in sight.
+        leftward = marks.get("max", (0.0, 0.0))[0] < marks.get("best", (0.0, 0.0))[0]
         for name, at in marks.items():
-            tag(view, name.capitalize(), at, INK, WHITE, 13, beside=14 * view.unit)
+            beside = (-14 if leftward == (name == "max") else 14) * view.unit
+            if name == "trigger":
+                beside = 14 * view.unit
+            tag(view, name.capitalize(), at, INK, WHITE, 13, beside)
 
 
 def paint_scene(view: View, decision: Decision, labels: bool = True) -> None:
