@@ -102,23 +102,21 @@ def weights(network: Network) -> str:
     return "random" if any('"weights": "random"' in text for text in texts) else "trained"
 
 
-def measure_starts(name: str, data: bytes, count: int) -> dict[str, Any]:
-    """Seconds and bytes of `3ds look` on one picture in a fresh process, picture written."""
+def measure_starts(result: Mapping[str, Any], data: bytes, count: int) -> dict[str, Any]:
+    """Seconds and bytes of `3ds look` on one picture in a fresh process, picture written.
+
+    result: of `measure_decisions`, for the network's name and method.
+    """
     with tempfile.TemporaryDirectory() as folder:
         image = Path(folder, "image.jpg")
         image.write_bytes(data)
-        call = ["look", str(image), "--out", folder, "--network", _absolute(name)]
+        call = ["look", str(image), "--out", folder]
+        call += ["--network", result["name"], "--method", result["method"]]
         runs = [_start(call) for _ in range(count + 1)][1:]  # the first fills the disk cache
     return {
         "start_s": _summary([seconds for seconds, _ in runs]),
         "peak_mb": round(max(peak for _, peak in runs) / 1e6, 1),
     }
-
-
-def _absolute(name: str) -> str:
-    return "+".join(
-        str(Path(part).resolve()) if part.endswith(".onnx") else part for part in name.split("+")
-    )
 
 
 def _start(call: Sequence[str]) -> tuple[float, int]:

@@ -45,14 +45,15 @@ def bench(
     source = benchmark.made_up_jpeg() if image is None else image
     height, width = read_image(source).image.shape[:2]
     data = source if isinstance(source, bytes) else source.read_bytes()
-    processes = {name: benchmark.measure_starts(name, data, starts) for name in networks if starts}
     results = benchmark.measure_decisions(networks, data, repeat, threads)
+    for result in results:
+        result["process"] = benchmark.measure_starts(result, data, starts) if starts else None
     report: dict[str, Any] = {
         "date": datetime.now().astimezone().isoformat(timespec="seconds"),
         "machine": benchmark.machine(threads),
         "image": {"name": str(image or "made up"), "width": width, "height": height},
         "repeat": repeat,
-        "networks": [{**result, "process": processes.get(result["name"])} for result in results],
+        "networks": results,
         "ratio": benchmark.ratio(results[0], results[1]) if len(results) == 2 else None,
     }
     name = f"{datetime.now():%Y-%m-%d-%H%M%S}.json"

@@ -1,0 +1,41 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from doorway3ds.cli.main import run
+from doorway3ds.networks import registry
+from tests import tinynets
+from tests.pictures import encode, scene
+
+
+class Ran(NamedTuple):
+    """How one command line ended."""
+
+    status: int
+    out: str
+    err: str
+
+
+Cli = Callable[..., Ran]
+
+
+@pytest.fixture
+def cli(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Cli:
+    """Runs `3ds` in this process, in an empty folder that holds net.onnx and photo.jpg."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv(registry.FOLDER_VARIABLE, str(tmp_path / "models"))
+    tinynets.doornet(tmp_path / "net.onnx", left=0.2, right=0.4)
+    (tmp_path / "photo.jpg").write_bytes(encode(scene(160, 120)))
+
+    def call(*arguments: object) -> Ran:
+        capsys.readouterr()
+        status = run([str(argument) for argument in arguments])
+        out, err = capsys.readouterr()
+        assert "Traceback" not in err
+        return Ran(status, out, err)
+
+    return call
