@@ -97,5 +97,6 @@ def test_the_paper_method_adds_its_pixels():
     assert answer["max_pixel"] == [130, 5]
     assert answer["trigger_pixel"] == [238, 9]
     assert (answer["max_depth"], answer["best_depth"]) == (0.5, 0.49)
-    held_back = decide(replace(SEEN, p_open=0.1), EMPTY, FRAME, "paper").to_dict()
+    selection = replace(FREE, evidence=evidence)
+    held_back = decide(replace(SEEN, p_open=0.1), selection, FRAME, "paper").to_dict()
     assert [held_back[k] for k in ("max_pixel", "best_depth")] == [None, None]

@@ -256,7 +256,10 @@ def write_camera_info(camera: Camera, path: str | Path) -> None:
         "projection_matrix": matrix(3, [fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0]),
     }
     text = yaml.safe_dump(info, sort_keys=False, default_flow_style=None)
-    Path(path).write_text(text, encoding="utf-8")
+    try:
+        Path(path).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"cannot write the camera file {path}: {error.strerror}") from error
 
 
 def _distort(

@@ -25,6 +25,8 @@ def override(defaults: Params, values: Mapping[str, Any]) -> Params:
             kind = type(defaults).__name__
             raise UserError(f"{kind} has no limit '{name}'; it has {', '.join(known)}")
         if is_dataclass(known[name]):
+            if not isinstance(value, Mapping):
+                raise UserError(f"limit '{name}' is an object of limits, got {value!r}")
             new[name] = override(known[name], value)
         elif value is None or (isinstance(value, (int, float)) and not isinstance(value, bool)):
             new[name] = value

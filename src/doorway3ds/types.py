@@ -194,9 +194,10 @@ class Decision:
             "timings_ms": {stage: float(ms) for stage, ms in self.timings_ms.items()},
         }
         if self.method == "paper":
+            evidence = found.evidence if door else {}
             for key in ("max_pixel", "best_pixel", "trigger_pixel"):
-                pixel = found.evidence.get(key)
+                pixel = evidence.get(key)
                 answer[key] = None if pixel is None else list(pixel)
             for key in ("max_depth", "best_depth"):
-                answer[key] = found.evidence.get(key)
+                answer[key] = evidence.get(key)
         return answer
