@@ -1,5 +1,6 @@
+import json
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import cv2
 import numpy as np
@@ -125,20 +126,36 @@ def test_rendered_pictures_bring_their_camera_pose_and_depth(tmp_path):
     depth[0, 0] = 0
     cv2.imwrite(str(tmp_path / "depth" / "a.png"), depth)
     (tmp_path / "doorways.csv").write_text(
-        HEADER + ",fx_px,pitch_deg,height_m,place,range_m,kind\n"
-        "a.png,1,10,20,1,3,0,60.5,9.7,0.52,home7,2.25,\n"
+        HEADER + ",fx_px,pitch_deg,height_m,home,range_m,state\n"
+        "a.png,1,10,20,1,3,0,60.5,9.7,0.52,7,2.25,open\n"
     )
     data = read_dataset(tmp_path)
     assert (data.layout, data.places_known) == ("rendered", True)
     (sample,) = data.samples
     assert sample.camera == Camera("rendered", 64, 48, 60.5, 60.5, 31.5, 23.5)
     assert sample.pose == Pose(height_m=0.52, pitch_deg=9.7)
-    assert sample.place == "home7"
+    assert sample.place == "home-7"
+    assert sample.kinds == ()
     truth = truth_of(sample)
     assert truth.openings[0].range_m == 2.25
     map_m = datasets.load_depth(sample)
     assert map_m[1, 1] == 2.5
     assert math.isnan(map_m[0, 0])
+
+
+def test_the_renderers_own_camera_and_pose_win(tmp_path):
+    write_picture(tmp_path / "images" / "a.png", 64, 48)
+    (tmp_path / "doorways.csv").write_text(HEADER + ",fx_px,state\na.png,0,,,,1,0,60.5,closed\n")
+    camera = Camera("lens", 64, 48, 61, 62, 30, 24, (-0.2, 0.01, 0, 0, 0))
+    pose = Pose(0.5, 3, roll_deg=2)
+    told = {"image": "a.png", "camera": asdict(camera), "pose": asdict(pose)}
+    file = tmp_path / "truth.jsonl"
+    file.write_text(json.dumps(told) + "\n")
+    (sample,) = read_dataset(tmp_path).samples
+    assert (sample.camera, sample.pose, sample.kinds) == (camera, pose, ("closed",))
+    file.write_text("{}\n")
+    with pytest.raises(UserError, match=r"truth\.jsonl line 1"):
+        read_dataset(tmp_path)
 
 
 def test_boxes_are_stretched_back_to_portraits(tmp_path):

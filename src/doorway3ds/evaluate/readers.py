@@ -1,7 +1,8 @@
 """Readers of the layouts in which marked pictures come.
 
 nyu       images/, depth/ (8-bit), labels/, doorways.csv: NYU Depth v2, 640x480 with its frame
-rendered  images/, depth/ (16-bit millimetres), doorways.csv with a column fx_px
+rendered  images/, depth/ (16-bit millimetres), doorways.csv with a column fx_px, and truth.jsonl
+          with each picture's whole camera and pose where it is there
 plain     images/ (or the pictures beside it), doorways.csv: photographs marked by hand
 boxes     images/, boxes.csv: door boxes with a state, portraits squeezed to a square
 folders   one folder per class: open-door/, no-door/ and their like
@@ -10,6 +11,7 @@ folders   one folder per class: open-door/, no-door/ and their like
 from __future__ import annotations
 
 import csv
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -113,11 +115,14 @@ def _read_doorways(path: Path, layout: str) -> tuple[list[Sample], bool]:
         by_image.setdefault(row["image"], []).append((where, row))
     known = True
     samples = []
+    eyes = _read_eyes(path / "truth.jsonl") if layout == "rendered" else {}
     for name, rows in by_image.items():
         where, main = rows[0]
         stem = Path(name).stem
         if main.get("place"):
             place = main["place"]
+        elif main.get("home"):
+            place = f"home-{main['home']}"
         elif stem.isdigit() and layout != "rendered":
             place = f"{int(stem) // NYU_BLOCK:03d}"
         else:
@@ -131,10 +136,13 @@ def _read_doorways(path: Path, layout: str) -> tuple[list[Sample], bool]:
             place=place,
             image_path=_existing(path, name, where),
             is_open=is_open,
-            kinds=tuple(k for k in main.get("kind", "").split(";") if k),
+            kinds=(main["state"],) if main.get("state") and not is_open else (),
             confidence=3 if confidence is None else int(confidence),
         )
         sample = _with_files(sample, path, layout, main, where)
+        if name in eyes:
+            camera, pose = eyes[name]
+            sample = replace(sample, camera=camera, pose=pose)
         shift = NYU_CROP[2] if layout == "nyu" else 0
         marks = tuple(
             _marked(row, place_, shift) for place_, row in rows if _flag(row, "open", place_)
@@ -192,7 +200,6 @@ def _with_files(
         number("fy_px", fx),
         number("cx_px", (width - 1) / 2),
         number("cy_px", (height - 1) / 2),
-        (number("k1", 0), number("k2", 0), number("p1", 0), number("p2", 0), number("k3", 0)),
     )
     pose = Pose(
         height_m=_number(row, "height_m", where),
@@ -201,6 +208,27 @@ def _with_files(
         roll_deg=number("roll_deg", 0),
     )
     return replace(sample, camera=camera, pose=pose, depth_path=depth_path, depth_unit_m=0.001)
+
+
+def _read_eyes(path: Path) -> dict[str, tuple[Camera, Pose]]:
+    """Camera and pose by picture; nothing where there is no such file."""
+    if not path.is_file():
+        return {}
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"cannot read {path}: {error}") from error
+    eyes = {}
+    for number, line in enumerate(lines, 1):
+        try:
+            told = json.loads(line)
+            camera = {**told["camera"], "distortion": tuple(told["camera"]["distortion"])}
+            eyes[str(told["image"])] = (Camera(**camera), Pose(**told["pose"]))
+        except (ValueError, KeyError, TypeError) as error:
+            raise UserError(
+                f"{path} line {number}: expected a picture's camera and pose, {error!r}"
+            ) from error
+    return eyes
 
 
 def _marked(row: Mapping[str, str], where: str, shift_px: float) -> Marked:
