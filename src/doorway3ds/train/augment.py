@@ -106,7 +106,9 @@ def view(
         forward = flip @ forward
 
     def warp(image: Array, scale: int, flags: int, border: int, value: float = 0) -> Array:
-        shrink = np.array([[1 / scale, 0, 0.5 / scale - 0.5], [0, 1 / scale, 0.5 / scale - 0.5], [0, 0, 1]])
+        shrink = np.array(
+            [[1 / scale, 0, 0.5 / scale - 0.5], [0, 1 / scale, 0.5 / scale - 0.5], [0, 0, 1]]
+        )
         return cv2.warpPerspective(
             image,
             shrink @ forward,
@@ -150,7 +152,9 @@ def view(
     )
 
 
-def _moved(left: float, right: float, forward: Array, rows: int, height: int) -> tuple[float, float]:
+def _moved(
+    left: float, right: float, forward: Array, rows: int, height: int
+) -> tuple[float, float]:
     """Columns at the target's mid-height of two upright lines of the source."""
     middle = (rows - 1) / 2
     edges = []
@@ -208,7 +212,7 @@ def _columns(sample: Sample, spans: list[tuple[float, float]], width: int) -> di
 
 def _look(image: Array, rng: np.random.Generator) -> Array:
     """Exposure, contrast, white balance, saturation, blur, noise, JPEG: what cameras differ in."""
-    x = image.astype(np.float32)
+    x: Array = image.astype(np.float32)
     gain = rng.normal(1.0, 0.08, 3) if rng.random() < 0.6 else np.ones(3)
     x *= (gain * np.exp(rng.normal(0, 0.25))).astype(np.float32)
     if rng.random() < 0.6:
@@ -226,7 +230,7 @@ def _look(image: Array, rng: np.random.Generator) -> Array:
     x = np.clip(x, 0, 255).astype(np.uint8)
     if rng.random() < 0.3:
         quality = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(25, 85))]
-        x = cv2.imdecode(cv2.imencode(".jpg", x, quality)[1], cv2.IMREAD_COLOR)
+        x = np.asarray(cv2.imdecode(cv2.imencode(".jpg", x, quality)[1], cv2.IMREAD_COLOR))
     return np.ascontiguousarray(x)
 
 

@@ -124,7 +124,7 @@ def mobilenet_v2(x: Tensor, path: str | Path, *, prefix: str = "sem") -> dict[st
     for stage, (repeats, first_stride) in enumerate(_MOBILENET_V2):
         for block in range(repeats):
             step = first_stride if block == 0 else 1
-            dilated = stage == 5 and block > 0 or stage == 6
+            dilated = (stage == 5 and block > 0) or stage == 6
             if stage == 5:
                 step = 1
             entry = x
@@ -149,8 +149,8 @@ def fastdepth(x: Tensor, path: str | Path, *, prefix: str = "fd") -> dict[str, T
     """FastDepth (MobileNet encoder, NNConv5 decoder with additive skips), any multiple of 32.
 
     x: (B, 3, h, w) in 0..1. Returns decoder features by stride: "s16" (256 channels), "s8"
-    (120), "s4" (56), "s2" (16), and "depth" in metres at stride 2 (the published last step doubles it by
-    nearest neighbours before a 1x1 convolution, which changes nothing but the size).
+    (120), "s4" (56), "s2" (16), and "depth" in metres at stride 2 (the published last step
+    doubles it by nearest neighbours before a 1x1 convolution: that changes only the size).
     """
     from keras import layers
 

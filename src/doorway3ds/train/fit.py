@@ -97,14 +97,16 @@ def fit(
     samples: Sequence[Sample],
     config: FitConfig,
     *,
-    augment: AugmentConfig = AugmentConfig(),
-    weights: LossWeights = LossWeights(),
+    augment: AugmentConfig,
+    weights: LossWeights,
     folder: Path,
+    resume: bool = False,
     callbacks: Sequence[Any] = (),
 ) -> None:
     """Trains `net` in place; logs to folder/log.csv, checkpoints to folder.
 
     The averaged weights are in the model, and in folder/stage-N.weights.h5, after each stage.
+    resume: stages whose file is there already are loaded, not trained.
     """
     import keras
     import torch
@@ -181,6 +183,11 @@ def fit(
 
     step = 0
     for number, stage in enumerate(config.stages):
+        checkpoint = folder / f"stage-{number}.weights.h5"
+        if resume and checkpoint.is_file():
+            net.whole.load_weights(checkpoint)
+            step += stage.epochs * config.steps_per_epoch
+            continue
         for layer in net.encoder.layers:
             prefix, _, rest = layer.name.partition("_")
             if prefix in ("sem", "fd") and rest[:2].isdigit():
@@ -211,4 +218,6 @@ def fit(
             ],
         )
         step += total_steps
-        net.whole.save_weights(folder / f"stage-{number}.weights.h5")
+        partial = folder / f"part-{number}.weights.h5"
+        net.whole.save_weights(partial)
+        partial.replace(checkpoint)

@@ -6,7 +6,6 @@ Readers keep everything at a modest size in memory, so that an epoch never waits
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -51,12 +50,12 @@ class Sample:
     name: str
     source: str
     place: str
-    image: NDArray[np.uint8]
+    image: NDArray[Any]
     camera: tuple[float, float, float, float]
     open: int | None
     spans: tuple[Span, ...]
-    depth_m: NDArray[np.float32] | None = None
-    segments: NDArray[np.uint8] | None = None
+    depth_m: NDArray[Any] | None = None
+    segments: NDArray[Any] | None = None
     weight: float = 1.0
     depth_weight: float = 1.0
     segment_weight: float = 1.0
@@ -123,7 +122,8 @@ def read_nyu(folder: Path, width: int = 352) -> list[Sample]:
         depth = np.where(code == 255, np.nan, code * (9.9955 / 255)).astype(np.float32)
         spans = tuple(
             Span(
-                *(_scaled_column(float(row[key]) - _NYU_CROP, scale) for key in ("left_px", "right_px"))
+                _scaled_column(float(row["left_px"]) - _NYU_CROP, scale),
+                _scaled_column(float(row["right_px"]) - _NYU_CROP, scale),
             )
             for row in rows
             if row["open"] == "1"
@@ -246,8 +246,3 @@ def cluster_places(descriptors: NDArray[np.float32], threshold: float) -> NDArra
     for a, b in zip(*np.nonzero(np.triu(alike > threshold, 1)), strict=True):
         place[root(int(a))] = root(int(b))
     return np.array([root(node) for node in range(count)])
-
-
-def folds(places: Iterable[str], count: int) -> dict[str, int]:
-    """Fold of each place: places in name order, dealt in turn, so that folds are alike in size."""
-    return {place: index % count for index, place in enumerate(sorted(set(places)))}

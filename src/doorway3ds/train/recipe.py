@@ -1,0 +1,90 @@
+"""The recipe: one readable file that says how a network is trained."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, TypeVar
+
+from doorway3ds.errors import UserError
+from doorway3ds.train.augment import AugmentConfig
+from doorway3ds.train.doornet import DoorNetConfig
+from doorway3ds.train.fit import FitConfig, Stage
+from doorway3ds.train.losses import LossWeights
+
+Config = TypeVar("Config")
+
+
+@dataclass(frozen=True)
+class Pseudo:
+    """Weights of the teachers' labels."""
+
+    depth: float = 0.25
+    segments: float = 0.3
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Everything that a training of doornet needs besides data and first weights."""
+
+    fit: FitConfig
+    network: DoorNetConfig
+    augment: AugmentConfig
+    losses: LossWeights
+    pseudo: Pseudo
+    same_place: float = 0.55
+    text: str = ""
+
+
+def _build(kind: type[Config], values: Any, where: str) -> Config:
+    """A config dataclass from a mapping; UserError for names or values that do not fit."""
+    if not isinstance(values, Mapping):
+        raise UserError(f"{where}: expected a mapping, got {type(values).__name__}")
+    assert is_dataclass(kind)
+    known = {item.name for item in fields(kind)}
+    strange = sorted(set(values) - known)
+    if strange:
+        raise UserError(
+            f"{where}: unknown {', '.join(strange)}; known are {', '.join(sorted(known))}"
+        )
+    for name, value in values.items():
+        if not isinstance(value, (int, float, list, tuple, dict)):
+            raise UserError(f"{where}: {name} must be a number, got {value!r}")
+    return kind(**values)
+
+
+def read_recipe(path: Path | None = None) -> Recipe:
+    """The recipe in `path`, or the packaged one.
+
+    Raises UserError where it cannot be read or names what does not exist.
+    """
+    import yaml
+
+    name = str(path) if path else "the packaged recipe"
+    try:
+        source = path or files("doorway3ds.train").joinpath("recipes/doornet.yaml")
+        text = source.read_text(encoding="utf-8")
+        values = yaml.safe_load(text)
+    except OSError as error:
+        raise UserError(f"cannot read the recipe {name}: {error.strerror}") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise UserError(f"the recipe {name} is no YAML: {str(error).splitlines()[0]}") from error
+    if not isinstance(values, Mapping) or not values.get("stages"):
+        raise UserError(f"the recipe {name} needs a list `stages` of {{epochs, learning_rate}}")
+    values = dict(values)
+    stages = []
+    for number, stage in enumerate(values.pop("stages")):
+        if isinstance(stage, Mapping) and "thaw" in stage:
+            stage = {**stage, "thaw": tuple(stage["thaw"])}
+        stages.append(_build(Stage, stage, f"{name}, stage {number + 1}"))
+    parts: dict[str, Any] = {
+        "network": _build(DoorNetConfig, values.pop("network", {}), f"{name}, network"),
+        "augment": _build(AugmentConfig, values.pop("augment", {}), f"{name}, augment"),
+        "losses": _build(LossWeights, values.pop("losses", {}), f"{name}, losses"),
+        "pseudo": _build(Pseudo, values.pop("pseudo", {}), f"{name}, pseudo"),
+    }
+    same_place = float(values.pop("same_place", Recipe.same_place))
+    fit = _build(FitConfig, {**values, "stages": tuple(stages)}, name)
+    return Recipe(fit=fit, same_place=same_place, text=text, **parts)

@@ -1,0 +1,210 @@
+"""One training of doornet from data sets to the ONNX file, its calibration and its card."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import platform
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from doorway3ds.errors import UserError
+from doorway3ds.evaluate.datasets import place_folds
+from doorway3ds.files import write_bytes
+from doorway3ds.train.augment import view
+from doorway3ds.train.calibrate import platt, relative_depth_error
+from doorway3ds.train.doornet import DoorNet, build_doornet
+from doorway3ds.train.export import Calibration, export_onnx, sha256
+from doorway3ds.train.fit import LANDSCAPE, PORTRAIT, collate, fit
+from doorway3ds.train.recipe import Recipe
+from doorway3ds.train.samples import (
+    Sample,
+    cluster_places,
+    read_doors,
+    read_nyu,
+    read_rendered,
+    read_rows,
+)
+from doorway3ds.train.teachers import add_depth, add_segments, describe
+
+
+@dataclass(frozen=True)
+class Teachers:
+    """ONNX files that training starts from and distils.
+
+    semantic: DeepLabv3+ on MobileNetV2 with ADE20K's 31 classes: first weights of the semantic
+    encoder, and pseudo-segments. depth: FastDepth: first weights of the depth encoder, and
+    pseudo-depth. places: MobileNetV2 on ImageNet: tells which photographs show one place.
+    """
+
+    semantic: Path
+    depth: Path
+    places: Path
+
+    @classmethod
+    def in_folder(cls, folder: Path) -> Teachers:
+        """The three files by their usual names; UserError names the first that is missing."""
+        names = (
+            "deeplabv3_mnv2_ade20k_512.onnx",
+            "fastdepth_nyu_224.onnx",
+            "mobilenet_v2_imagenet_224.onnx",
+        )
+        for name in names:
+            if not (folder / name).is_file():
+                raise UserError(f"{folder} holds no {name}; --teachers needs {', '.join(names)}")
+        return cls(*(folder / name for name in names))
+
+
+def read_all(folders: Sequence[Path], teachers: Teachers, recipe: Recipe) -> list[Sample]:
+    """Samples of all data sets, each told by its files, with pseudo-labels where they have none."""
+    samples: list[Sample] = []
+    for folder in folders:
+        if (folder / "boxes.csv").is_file():
+            found = read_doors(folder, {})
+            places = cluster_places(describe(found, teachers.places), recipe.same_place)
+            found = [
+                replace(sample, place=f"{folder.name}-{place:04d}")
+                for sample, place in zip(found, places, strict=True)
+            ]
+        elif (folder / "doorways.csv").is_file():
+            rows = read_rows(folder / "doorways.csv")
+            rendered = any("fx_px" in row for group in rows.values() for row in group[:1])
+            found = read_rendered(folder) if rendered else read_nyu(folder)
+        else:
+            raise UserError(
+                f"{folder} is no data set: expected doorways.csv or boxes.csv beside images/"
+            )
+        if not found:
+            raise UserError(f"{folder} lists no picture")
+        samples += found
+    samples = add_depth(samples, teachers.depth, recipe.pseudo.depth)
+    return add_segments(samples, teachers.semantic, recipe.pseudo.segments)
+
+
+def split(samples: Sequence[Sample], fold: int, folds: int) -> tuple[list[Sample], list[Sample]]:
+    """Training and held-out samples: one fold of the places of each source."""
+    kept: list[Sample] = []
+    held: list[Sample] = []
+    for source in sorted({sample.source for sample in samples}):
+        own = [sample for sample in samples if sample.source == source]
+        of_place = place_folds((sample.place for sample in own), folds)
+        for sample in own:
+            (held if of_place[sample.place] == fold else kept).append(sample)
+    return kept, held
+
+
+def predict(net: DoorNet, samples: Sequence[Sample]) -> list[dict[str, Any]]:
+    """The network's outputs and the targets of the plain view of each sample."""
+    import torch
+
+    found = []
+    for sample in samples:
+        portrait = sample.image.shape[0] > sample.image.shape[1]
+        target = view(sample, PORTRAIT if portrait else LANDSCAPE, None)
+        with torch.no_grad():
+            output = net.whole(torch.from_numpy(collate([target])[0]), training=False)
+        found.append(
+            {"sample": sample, "target": target}
+            | {name: value[0].numpy() for name, value in output.items()}
+        )
+    return found
+
+
+def calibrate(net: DoorNet, held: Sequence[Sample]) -> tuple[Calibration, dict[str, Any]]:
+    """Scales and shifts of the logits, and the depth's error, on held-out photographs."""
+    answers = predict(net, [s for s in held if s.source != "rendered"] or held)
+    told = [a for a in answers if a["sample"].open is not None]
+    p_open = platt(
+        np.array([a["p_open"] for a in told]), np.array([a["sample"].open for a in told])
+    )
+    # a strip's score is read at the best strip: is there an opening in that place?
+    rooms = [a for a in told if a["sample"].source != "doors"] or told
+    best = [int(np.argmax(a["score"])) for a in rooms]
+    score = platt(
+        np.array([a["score"][k] for a, k in zip(rooms, best, strict=True)]),
+        np.array([a["target"].score[k] > 0.5 for a, k in zip(rooms, best, strict=True)]),
+    )
+    measured = [a for a in answers if a["target"].depth_weight == 1 and a["target"].depth.any()]
+    errors = {}
+    if measured:
+        errors["depth_error"] = relative_depth_error(
+            np.concatenate([a["depth"].ravel() for a in measured]),
+            np.concatenate([a["target"].depth.ravel() for a in measured]),
+        )
+    return Calibration(*p_open, *score), errors
+
+
+def train_doornet(
+    folders: Sequence[Path],
+    teachers: Teachers,
+    recipe: Recipe,
+    out: Path,
+    *,
+    hold_out: tuple[int, int] | None = None,
+    calibration: Path | None = None,
+    resume: bool = False,
+    command: str = "",
+) -> dict[str, Any]:
+    """Trains, calibrates, exports out/doornet.onnx; returns what the card says.
+
+    hold_out: (fold, folds) of places kept for calibration and evaluation. calibration: the
+    card of an earlier held-out run, for a training on everything.
+    """
+    samples = read_all(folders, teachers, recipe)
+    kept, held = split(samples, *hold_out) if hold_out else (samples, [])
+    net = build_doornet(teachers.semantic, teachers.depth, recipe.network)
+    fit(
+        net,
+        kept,
+        recipe.fit,
+        augment=recipe.augment,
+        weights=recipe.losses,
+        folder=out,
+        resume=resume,
+    )
+    found, errors = Calibration(), dict[str, Any]()
+    if held:
+        found, errors = calibrate(net, held)
+    elif calibration is not None:
+        found, errors = read_calibration(calibration)
+    card: dict[str, Any] = {
+        "name": "doornet",
+        "date": datetime.date.today().isoformat(),
+        "command": command,
+        "machine": f"{platform.machine()} {platform.system()}",
+        "pictures": {
+            source: sum(s.source == source for s in kept)
+            for source in sorted({s.source for s in kept})
+        },
+        "places": len({s.place for s in kept}),
+        "held_out": f"{hold_out[0] + 1}/{hold_out[1]}" if hold_out else None,
+        "held_out_places": sorted({s.place for s in held}),
+        "initialised_from": {
+            "semantic": sha256(teachers.semantic),
+            "depth": sha256(teachers.depth),
+        },
+        "calibration": asdict(found),
+        "depth_error": errors.get("depth_error", 0.16),
+        "recipe": recipe.text,
+    }
+    path = out / "doornet.onnx"
+    shown = {key: card[key] for key in ("name", "date", "depth_error", "held_out", "pictures")}
+    card["parity"] = export_onnx(net.whole, path, calibration=found, metadata=shown)
+    card["sha256"], card["bytes"] = sha256(path), path.stat().st_size
+    write_bytes(out / "doornet.json", (json.dumps(card, indent=2) + "\n").encode())
+    return card
+
+
+def read_calibration(path: Path) -> tuple[Calibration, dict[str, Any]]:
+    """Calibration and depth error from a card; UserError where the file is none."""
+    try:
+        card = json.loads(path.read_text(encoding="utf-8"))
+        return Calibration(**card["calibration"]), {"depth_error": float(card["depth_error"])}
+    except OSError as error:
+        raise UserError(f"cannot read the card {path}: {error.strerror}") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise UserError(f"{path} is no card of a training with held-out places") from error
