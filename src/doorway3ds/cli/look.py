@@ -13,6 +13,7 @@ import typer
 
 from doorway3ds.cli._camera import CameraChoice, CameraOptions, require_range
 from doorway3ds.cli._inputs import Input, expand
+from doorway3ds.cli._native import NativeErrors
 from doorway3ds.cli._progress import Progress
 from doorway3ds.errors import CallError, UserError
 
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
     from doorway3ds.types import Decision
 
 OUT = Path("3ds-out")
+
+# What libjpeg and libpng say of a picture that lost something; they also warn of colour profiles.
+_DAMAGE = ("Corrupt", "Premature", "libpng error")
 
 
 def look(
@@ -74,14 +78,18 @@ def look(
     for message in errors:
         _complain(message)
     job = _Job(pipeline, choice, as_json, out, depth_dir)
+    native = NativeErrors()
     failed = len(errors)
     start = time.monotonic()
     with Progress(len(inputs)) as progress:
         for done, image in enumerate(inputs):
             progress.show(done)
             try:
-                decision, line = job.decide(image)
+                with native.collect() as warnings:
+                    decision, line = job.decide(image)
                 progress.clear()
+                for damage in [w for w in warnings if w.startswith(_DAMAGE)][:1]:
+                    _complain(f"{image.name} is damaged, its answer may be wrong: {damage}")
                 sys.stdout.write(line + "\n")
                 sys.stdout.flush()
                 job.write(image, decision)
