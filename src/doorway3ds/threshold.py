@@ -144,6 +144,8 @@ def _jamb(
         slope = walls.slope[strip & walls.wall]
         typical = float(np.median(inverse))
         same = np.abs(inverse - typical) <= params.same * typical
+        if np.count_nonzero(same) < 3:
+            same[:] = True
         offset, value = slope[same] - edge, inverse[same]
         spread = offset - offset.mean()
         tilt = float(spread @ value) / max(float(spread @ spread), 1e-12)
