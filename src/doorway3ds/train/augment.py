@@ -47,6 +47,8 @@ class Target:
     left: Array  # (N,) distance to the left edge as a fraction of the width
     right: Array  # (N,)
     edge_weight: Array  # (N,)
+    clear: Array  # (N,) 1 where the way to the opening in this strip is free
+    clear_weight: Array  # (N,)
     depth: Array  # (h/2, w/2) canonical metres, 0 unknown
     depth_weight: float
     segments: Array  # (h/4, w/4) uint8, 255 unknown
@@ -170,7 +172,7 @@ def _columns(sample: Sample, spans: list[tuple[float, float]], width: int) -> di
     count = width // 4
     centre = (np.arange(count) + 0.5) * 4 - 0.5
     score = np.zeros(count, np.float32)
-    left, right, edge = (np.zeros(count, np.float32) for _ in range(3))
+    left, right, edge, clear, told = (np.zeros(count, np.float32) for _ in range(5))
     weight = np.full(count, sample.weight, np.float32)
     seen = 0.0
     for (start, end), span in zip(spans, sample.spans, strict=True):
@@ -196,6 +198,9 @@ def _columns(sample: Sample, spans: list[tuple[float, float]], width: int) -> di
         right[inside] = (b - centre[inside]) / width
         loose = 0.0 if sample.open is None else 0.15
         edge[inside] = sample.weight * (loose if span.loose else 1.0) / max(inside.sum(), 1)
+        if span.clear is not None:
+            clear[inside] = span.clear
+            told[inside] = sample.weight / max(inside.sum(), 1)
     np.maximum(left, 0, out=left)
     np.maximum(right, 0, out=right)
     certain = sample.open is not None and (sample.open == 0 or seen == 0 or seen > 0.4)
@@ -207,6 +212,8 @@ def _columns(sample: Sample, spans: list[tuple[float, float]], width: int) -> di
         "left": left,
         "right": right,
         "edge_weight": edge,
+        "clear": clear,
+        "clear_weight": told,
     }
 
 

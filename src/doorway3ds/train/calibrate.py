@@ -25,7 +25,7 @@ def platt(logits: Array, labels: Array, steps: int = 50) -> tuple[float, float]:
         return 1.0, 0.0
     target = np.where(labels > 0.5, (positive + 1) / (positive + 2), 1 / (negative + 2))
     design = np.stack([np.asarray(logits, float), np.ones(len(labels))], axis=1)
-    weights = np.array([1.0, 0.0])
+    weights = np.zeros(2)  # from here Newton steps do not overshoot
     for _ in range(steps):
         p = 1 / (1 + np.exp(-np.clip(design @ weights, -30, 30)))
         gradient = design.T @ (p - target)

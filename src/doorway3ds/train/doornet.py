@@ -57,7 +57,8 @@ def build_doornet(
     """A Keras model from (B, 3, h, w) RGB 0..255, h and w multiples of 32.
 
     Outputs, as a dict: p_open (B,) logit; score (B, N) logits; left, right (B, N) distances
-    from a strip's centre to the opening's edges as fractions of the width; depth
+    from a strip's centre to the opening's edges as fractions of the width; clear (B, N) logits
+    that the way to the opening in this strip is free; depth
     (B, h/2, w/2) canonical metres; floor (B, h/4, w/4) logits; segments (B, 6, h/4, w/4)
     logits (training only). N = w / 4.
     """
@@ -128,6 +129,7 @@ def _decode(features: list[Tensor], config: DoorNetConfig) -> dict[str, Tensor]:
         return layers.Conv2D(1, (1, 3), padding="same", name=name)(columns)[:, 0, 0, :]
 
     score = column_output("score_head")
+    clear = column_output("clear_head")
     left = ops.softplus(column_output("left_head"))
     right = ops.softplus(column_output("right_head"))
 
@@ -147,6 +149,7 @@ def _decode(features: list[Tensor], config: DoorNetConfig) -> dict[str, Tensor]:
         "score": score,
         "left": left,
         "right": right,
+        "clear": clear,
         "depth": depth[:, 0],
         "floor": floor[:, 0],
         "segments": segments,

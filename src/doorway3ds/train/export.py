@@ -13,7 +13,7 @@ import numpy as np
 
 from doorway3ds.train.doornet import CANONICAL_F_PX
 
-OUTPUTS = ("p_open", "score", "left", "right", "depth", "floor")
+OUTPUTS = ("p_open", "score", "left", "right", "clear", "depth", "floor")
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def export_onnx(
             output_names=list(OUTPUTS),
             dynamic_axes={
                 "image": {2: "height", 3: "width"},
-                **{name: {1: "strips"} for name in ("score", "left", "right")},
+                **{name: {1: "strips"} for name in ("score", "left", "right", "clear")},
                 **{name: {1: f"{name}_height", 2: f"{name}_width"} for name in ("depth", "floor")},
             },
             opset_version=17,

@@ -20,6 +20,7 @@ class LossWeights:
     p_open: float = 0.5
     score: float = 1.0
     edges: float = 1.0
+    clear: float = 0.3
     depth: float = 1.0
     gradient: float = 0.5
     floor: float = 0.5
@@ -85,6 +86,7 @@ def all_losses(
     # a little smoothing: labels of open and closed are wrong in a few per cent
     p_open = bce(output["p_open"], target["p_open"] * 0.96 + 0.02, reduction="none")
     plain, gradient = depth_loss(output["depth"], target["depth"], target["depth_weight"])
+    clear = bce(output["clear"], target["clear"] * 0.94 + 0.03, reduction="none")
     share = target["segment_weight"][:, None, None]
     floor_known = (target["floor"] != 255).float() * share
     floor = bce(output["floor"], (target["floor"] == 1).float(), reduction="none")
@@ -95,6 +97,7 @@ def all_losses(
         "p_open": weights.p_open * _mean(p_open, target["p_open_weight"]),
         "score": weights.score * columns_loss(output, target),
         "edges": weights.edges * edges_loss(output, target),
+        "clear": weights.clear * _mean(clear, target["clear_weight"]),
         "depth": weights.depth * plain,
         "gradient": weights.gradient * gradient,
         "floor": weights.floor * _mean(floor, floor_known),

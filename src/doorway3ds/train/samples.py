@@ -30,11 +30,13 @@ class Span:
     """An opening at mid-height, in columns of the stored picture.
 
     loose: the marked box holds frame and leaf, so its edges are only rough.
+    clear: whether the way to it was marked free; None = not told.
     """
 
     left: float
     right: float
     loose: bool = False
+    clear: int | None = None
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,6 @@ class Sample:
     image: (H, W, 3) uint8 RGB. depth_m: (H, W) float32, nan unknown. segments: (H, W) uint8,
     255 unknown. camera: fx, fy, cx, cy in pixels of `image`. open: 1, 0, or None (half open).
     weight: of the opening labels; depth_weight, segment_weight: of pseudo-labels.
-    clear: whether the way was marked free.
     """
 
     name: str
@@ -59,7 +60,6 @@ class Sample:
     weight: float = 1.0
     depth_weight: float = 1.0
     segment_weight: float = 1.0
-    clear: int | None = None
     extra: dict[str, Any] = field(default_factory=dict)
 
 
@@ -124,6 +124,7 @@ def read_nyu(folder: Path, width: int = 352) -> list[Sample]:
             Span(
                 _scaled_column(float(row["left_px"]) - _NYU_CROP, scale),
                 _scaled_column(float(row["right_px"]) - _NYU_CROP, scale),
+                clear=int(row["clear"]) if row["clear"] else None,
             )
             for row in rows
             if row["open"] == "1"
@@ -143,7 +144,6 @@ def read_nyu(folder: Path, width: int = 352) -> list[Sample]:
                     _relabel(labels, _NYU40), size, interpolation=cv2.INTER_NEAREST
                 ),
                 weight=_CONFIDENCE[int(first["confidence"])],
-                clear=int(first["clear"]) if first["clear"] else None,
             )
         )
     return samples
@@ -208,13 +208,16 @@ def read_rendered(folder: Path) -> list[Sample]:
                 camera=(focal, focal, (width - 1) / 2, (height - 1) / 2),
                 open=int(first["open"]),
                 spans=tuple(
-                    Span(float(row["left_px"]), float(row["right_px"]))
+                    Span(
+                        float(row["left_px"]),
+                        float(row["right_px"]),
+                        clear=int(row["clear"]) if row["clear"] else None,
+                    )
                     for row in rows
                     if row["open"] == "1"
                 ),
                 depth_m=depth,
                 segments=segments,
-                clear=int(first["clear"]) if first["clear"] else None,
                 extra={"floor": floor > 127},
             )
         )

@@ -1,0 +1,109 @@
+"""Small files of the kinds that training reads: teacher networks, data sets."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+onnx = pytest.importorskip("onnx")
+
+# kernels of MobileNetV2 to its last stage, and of FastDepth, with few channels
+_STAGES = ((4, 1, 1), (4, 2, 2), (8, 3, 2), (8, 4, 2), (8, 3, 1), (8, 3, 2), (8, 1, 1))
+
+
+def _save_convolutions(path: Path, kernels: list[tuple[int, int, int, int]]) -> None:
+    """An ONNX file with convolutions of these (out, in, size, groups), all on the input."""
+    rng = np.random.default_rng(3)
+    nodes, weights = [], []
+    for index, (out, inside, size, groups) in enumerate(kernels):
+        kernel = rng.normal(0, (2 / (inside * size**2)) ** 0.5, (out, inside // groups, size, size))
+        weights.append(onnx.numpy_helper.from_array(kernel.astype(np.float32), f"w{index}"))
+        weights.append(onnx.numpy_helper.from_array(np.full(out, 0.1, np.float32), f"b{index}"))
+        nodes.append(
+            onnx.helper.make_node(
+                "Conv", ["x", f"w{index}", f"b{index}"], [f"y{index}"], group=groups
+            )
+        )
+    graph = onnx.helper.make_graph(
+        nodes,
+        "few",
+        [onnx.helper.make_tensor_value_info("x", 1, None)],
+        [onnx.helper.make_tensor_value_info("y0", 1, None)],
+        weights,
+    )
+    onnx.save(onnx.helper.make_model(graph), str(path))
+
+
+@pytest.fixture(scope="session")
+def teachers(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the three teacher files, random and small."""
+    folder = tmp_path_factory.mktemp("teachers")
+    kernels = [(4, 3, 3, 1)]
+    width = 4
+    for stage, (out, repeats, _) in enumerate(_STAGES):
+        for _ in range(repeats):
+            inner = width
+            if stage:
+                inner = 2 * width
+                kernels.append((inner, width, 1, 1))
+            kernels += [(inner, inner, 3, inner), (out, inner, 1, 1)]
+            width = out
+    _save_convolutions(folder / "deeplabv3_mnv2_ade20k_512.onnx", kernels)
+
+    kernels = [(8, 3, 3, 1)]
+    for _ in range(13):
+        kernels += [(8, 8, 3, 8), (8, 8, 1, 1)]
+    for _ in range(5):
+        kernels += [(8, 8, 5, 8), (8, 8, 1, 1)]
+    kernels.append((1, 8, 1, 1))
+    _save_convolutions(folder / "fastdepth_nyu_224.onnx", kernels)
+    _save_convolutions(folder / "mobilenet_v2_imagenet_224.onnx", [(4, 3, 3, 1)])
+    return folder
+
+
+@pytest.fixture
+def rendered(tmp_path: Path) -> Path:
+    """Twelve rendered pictures of six homes: a bright opening in a dark wall, or none."""
+    folder = tmp_path / "rendered"
+    for part in ("images", "depth", "floor"):
+        (folder / part).mkdir(parents=True)
+    rows = []
+    rng = np.random.default_rng(5)
+    for index in range(12):
+        has_opening = index % 2 == 0
+        image = rng.integers(40, 60, (120, 160, 3), dtype=np.uint8)
+        depth = np.full((120, 160), 2000, np.uint16)
+        floor = np.zeros((120, 160), np.uint8)
+        floor[90:] = 255
+        left, right = 40 + 4 * index, 70 + 4 * index
+        if has_opening:
+            image[20:90, left:right] = 220
+            depth[20:90, left:right] = 4000
+        name = f"{index:06d}"
+        cv2.imwrite(str(folder / "images" / f"{name}.png"), image)
+        cv2.imwrite(str(folder / "depth" / f"{name}.png"), depth)
+        cv2.imwrite(str(folder / "floor" / f"{name}.png"), floor)
+        edges = {"left_px": left - 0.5, "right_px": right - 0.5} if has_opening else {}
+        rows.append(
+            {
+                "image": f"{name}.png",
+                "open": int(has_opening),
+                "left_px": "",
+                "right_px": "",
+                "clear": int(has_opening) if has_opening else "",
+                "confidence": 3,
+                "second": 0,
+                "home": index // 2,
+                "fx_px": 140.0,
+                **edges,
+            }
+        )
+    with (folder / "doorways.csv").open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    return folder

@@ -1,0 +1,149 @@
+"""The whole chain on a tiny data set: read, train, resume, calibrate, export, look."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+pytest.importorskip("keras")
+os.environ["KERAS_BACKEND"] = "torch"
+
+from doorway3ds.cli.main import run
+from doorway3ds.errors import UserError
+from doorway3ds.networks.doornet import DoorNet
+from doorway3ds.pipeline import Pipeline
+
+pytestmark = pytest.mark.train
+
+RECIPE = """
+seed: 2
+batch: 4
+steps_per_epoch: 3
+stages:
+  - {epochs: 1, learning_rate: 0.001}
+  - {epochs: 1, learning_rate: 0.0003, thaw: [40, 27]}
+network: {width_16: 8, width_8: 8, width_4: 8, width_columns: 8, attention_heads: 2, dropout: 0.1}
+"""
+
+
+@pytest.fixture
+def recipe(tmp_path: Path) -> Path:
+    path = tmp_path / "recipe.yaml"
+    path.write_text(RECIPE)
+    return path
+
+
+def train(rendered: Path, teachers: Path, recipe: Path, out: Path, *more: str) -> int:
+    arguments = ["train", "doornet", str(rendered), "--teachers", str(teachers)]
+    arguments += ["--recipe", str(recipe), "--out", str(out), *more]
+    return run(arguments)
+
+
+def test_train_export_and_look(
+    rendered: Path, teachers: Path, recipe: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "run"
+    assert train(rendered, teachers, recipe, out, "--hold-out", "1/3") == 0
+    card = json.loads((out / "doornet.json").read_text())
+    assert card["pictures"] == {"rendered": 8}
+    assert len(card["held_out_places"]) == 2
+    # float16 storage rounds weights; nothing else may differ
+    assert card["parity"] < 0.02
+    network = DoorNet(out / "doornet.onnx")
+    picture = np.random.default_rng(0).integers(0, 255, (240, 320, 3), dtype=np.uint8)
+    decision = Pipeline(network)(picture)
+    assert 0 <= decision.p_open <= 1
+    assert decision.perception.depth_m is not None
+    assert decision.perception.depth_m.shape == (96, 128)
+
+    # resumed: the first stage is loaded, the second is missing and trained again
+    first = (out / "stage-0.weights.h5").read_bytes()
+    (out / "stage-1.weights.h5").unlink()
+    assert train(rendered, teachers, recipe, out, "--hold-out", "1/3", "--resume") == 0
+    assert (out / "stage-0.weights.h5").read_bytes() == first
+    assert (out / "stage-1.weights.h5").is_file()
+
+
+def test_encoders_run_alike_in_keras_and_in_onnx_runtime(teachers: Path) -> None:
+    import keras
+    import torch
+
+    keras.config.set_image_data_format("channels_first")
+    from doorway3ds.train.doornet import DoorNetConfig, build_doornet
+    from doorway3ds.train.export import OnnxEncoder
+
+    small = DoorNetConfig(8, 8, 8, 8, 2, 0.0)
+    net = build_doornet(
+        teachers / "deeplabv3_mnv2_ade20k_512.onnx", teachers / "fastdepth_nyu_224.onnx", small
+    )
+    image = np.random.default_rng(1).uniform(0, 255, (2, 3, 64, 96)).astype(np.float32)
+    with torch.no_grad():
+        expected = net.encoder(torch.from_numpy(image), training=False)
+    for got, want in zip(OnnxEncoder(net.encoder)(image), expected, strict=True):
+        scale = max(1.0, float(want.abs().max()))
+        assert np.abs(got - want.numpy()).max() / scale < 1e-4
+
+
+def test_places_never_cross_the_split(rendered: Path) -> None:
+    from doorway3ds.train.run import split
+    from doorway3ds.train.samples import read_rendered
+
+    samples = read_rendered(rendered)
+    for fold in range(3):
+        kept, held = split(samples, fold, 3)
+        assert {s.place for s in kept}.isdisjoint({s.place for s in held})
+        assert len(kept) + len(held) == len(samples)
+
+
+def test_places_are_found_by_likeness() -> None:
+    from doorway3ds.train.samples import cluster_places
+
+    rng = np.random.default_rng(0)
+    centres = rng.normal(0, 1, (5, 64))
+    one = centres[np.arange(20) % 5] + rng.normal(0, 0.1, (20, 64))
+    mirrored = rng.normal(0, 1, (20, 64))
+    mirrored[0] = one[3]  # picture 0 is the mirror image of picture 3's place
+    places = cluster_places(np.stack([one, mirrored], axis=1).astype(np.float32), 0.8)
+    assert places[0] == places[3]
+    assert len(set(places)) == 4
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("stages: [{epochs: 1, learning_rate: 0.1, warmth: 3}]", "unknown warmth"),
+        ("batch: 4", "needs a list `stages`"),
+        ("{", "is no YAML"),
+        ("stages: [{epochs: 1, learning_rate: fast}]", "learning_rate must be a number"),
+    ],
+)
+def test_a_wrong_recipe_is_named(tmp_path: Path, text: str, message: str) -> None:
+    from doorway3ds.train.recipe import read_recipe
+
+    path = tmp_path / "r.yaml"
+    path.write_text(text)
+    with pytest.raises(UserError, match=message):
+        read_recipe(path)
+
+
+def test_the_packaged_recipe_is_whole() -> None:
+    from doorway3ds.train.recipe import read_recipe
+
+    recipe = read_recipe()
+    assert sum(stage.epochs for stage in recipe.fit.stages) > 0
+    assert replace(recipe.fit, seed=3).seed == 3
+
+
+def test_what_is_no_data_set_is_refused(
+    tmp_path: Path, teachers: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["train", "doornet", str(tmp_path), "--teachers", str(teachers)]) == 1
+    assert "is no data set" in capsys.readouterr().err
+    assert run(["train", "doornet", str(tmp_path), "--teachers", str(tmp_path)]) == 1
+    assert "holds no deeplabv3" in capsys.readouterr().err
