@@ -304,6 +304,8 @@ def _report(
     }
     if not dataset.places_known:
         facts["places"] = "unknown: each picture counts as its own, so intervals are too narrow"
+    if dataset.layout == "boxes":
+        facts["marks"] = "boxes hold frame and leaf: their middles and edges are rough"
     if left_out:
         name, why = next(iter(left_out.items()))
         facts["left out"] = f"{len(left_out)} pictures, first {name}: {why}"
@@ -336,6 +338,6 @@ def _finish(
         for name, _, cells in table.rows:
             shown.add_row(name, *cells)
         console.print(shown)
-    for name in ("places", "left out"):
+    for name in ("places", "marks", "left out"):
         if name in report.facts:
             console.print(f"{name}: {report.facts[name]}", highlight=False, markup=False)

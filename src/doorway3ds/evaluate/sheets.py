@@ -64,7 +64,7 @@ def direction_tile(sample: Sample, record: DirectionRecord, outcome: Outcome) ->
     for opening in sample.openings:
         left, right = ((x + 0.5) * scale - 0.5 for x in (opening.left_px, opening.right_px))
         band = image[:, max(round(left), 0) : max(round(right) + 1, 1)]
-        band[:] = (0.75 * band + 0.25 * np.array(GREEN)).astype(np.uint8)
+        band[:] = (0.85 * band + 0.15 * np.array(GREEN)).astype(np.uint8)
         for x in (left, right):
             _line(image, x, GREEN, 0, height)
     said = f"{sample.name}: {record.reason}"
