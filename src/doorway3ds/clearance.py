@@ -97,7 +97,8 @@ def sweep(
     if scene.plane is None:
         return Clearance(None, None, corridor, np.empty((0, 2)), None, None, None)
 
-    x, y, z, directions, floor = scene.x, scene.y, scene.z, scene.directions, scene.floor
+    x, y, z, floor = scene.x, scene.y, scene.z, scene.floor
+    way_x, way_y, way_z = scene.directions
     half = params.width_m / 2
 
     def inside(px: Array, py: Array) -> tuple[Mask, Array]:
@@ -106,9 +107,9 @@ def sweep(
         return (aside <= half) & (along >= params.start_m), along
 
     with np.errstate(invalid="ignore", divide="ignore"):
-        fall = scene.lens[2] / -directions[..., 2]
-        ground_x = scene.lens[0] + directions[..., 0] * fall
-        ground_y = scene.lens[1] + directions[..., 1] * fall
+        fall = scene.lens[2] / -way_z
+        ground_x = scene.lens[0] + way_x * fall
+        ground_y = scene.lens[1] + way_y * fall
         on_ground, ground_along = inside(ground_x, ground_y)
         on_ground &= fall > 0
         in_way, along = inside(x, y)

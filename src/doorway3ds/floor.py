@@ -65,7 +65,7 @@ class Scene:
 
     The origin lies under the turning axis. Arrays are (h, w) unless told otherwise, on a thinned
     grid of the depth map; its rows and columns stand in the picture at rows_px, columns_px.
-    directions: (h, w, 3) rays in the floor frame with unit step along the optical axis.
+    directions: (3, h, w) rays in the floor frame with unit step along the optical axis.
     plane: None where the floor is unknown; z then counts from the lens.
     turn: (3, 3) camera frame -> floor frame. lens: its position in the floor frame.
     """
@@ -112,13 +112,14 @@ def build_scene(
             scale = frame.pose.height_m / plane.height_m
             lens_height = frame.pose.height_m
     lens = np.array([frame.pose.forward_m, frame.pose.left_m, lens_height])
-    directions = rays @ turn.T
-    points = directions * (depth * scale)[..., None] + lens
+    # Planes of x, y, z rather than rows of points: numpy works along memory.
+    directions = (turn @ rays.reshape(-1, 3).T).reshape(3, *depth.shape)
+    x, y, z = directions * (depth * scale) + lens[:, None, None]
     camera = frame.camera
     return Scene(
-        x=points[..., 0],
-        y=points[..., 1],
-        z=points[..., 2],
+        x=x,
+        y=y,
+        z=z,
         directions=directions,
         floor=floor,
         rows_px=(rows + 0.5) * camera.height / height - 0.5,

@@ -110,9 +110,9 @@ def _within(
 def see_walls(scene: Scene, params: ThresholdParams) -> Walls:
     """The scene seen along the camera's horizontal axis."""
     axis = scene.turn[:2, 2] / np.linalg.norm(scene.turn[:2, 2])
-    way = scene.directions[..., :2]
-    forward = way @ axis
-    slope = (way @ np.array([-axis[1], axis[0]])) / forward
+    way_x, way_y, way_z = scene.directions
+    forward = way_x * axis[0] + way_y * axis[1]
+    slope = (way_y * axis[0] - way_x * axis[1]) / forward
     ahead = (scene.x - scene.lens[0]) * axis[0] + (scene.y - scene.lens[1]) * axis[1]
     wall = ahead > 0.05  # nan is not
     ground: Array | None = None
@@ -123,7 +123,7 @@ def see_walls(scene: Scene, params: ThresholdParams) -> Walls:
         wall &= (scene.z > params.low_m) & (scene.z < params.high_m)
         if scene.floor is not None:
             with np.errstate(divide="ignore", invalid="ignore"):
-                fall = scene.lens[2] / -scene.directions[..., 2]
+                fall = scene.lens[2] / -way_z
             ground = np.where(scene.floor & (fall > 0), fall * forward, np.nan)
     middle = slope[slope.shape[0] // 2]
     pitch = float(abs(middle[0] - middle[-1])) / max(1, middle.size - 1)
