@@ -47,3 +47,33 @@ def render(
         task = bar.add_task("pictures", total=count)
         total = render_dataset(out, count, seed, pixels, workers, lambda n: bar.advance(task, n))
     typer.echo(f"{total} pictures in {out}")
+
+
+@app.command()
+def view(
+    out: Annotated[Path, typer.Option(help="Picture to write; NAME.json and NAME.depth.png beside it.")],
+    home: Annotated[int, typer.Option(min=0, help="Seed of the home.")],
+    x: Annotated[float, typer.Option(help="Metres in the home's plan.")],
+    y: Annotated[float, typer.Option(help="Metres in the home's plan.")],
+    heading_deg: Annotated[float, typer.Option(help="0 looks along x, 90 along y.")],
+    camera: Annotated[str, typer.Option(help="Camera preset.")] = "nao-v5-top",
+    pitch_deg: Annotated[float | None, typer.Option(help="Instead of the preset's; + is up.")] = None,
+    size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of the picture.")] = "640x480",
+) -> None:
+    """Take one picture from a stated place."""
+    from dataclasses import replace
+
+    from doorway3ds.camera import preset
+    from doorway3ds.sim.homes import generate
+    from doorway3ds.sim.render import Eye
+    from doorway3ds.sim.view import photograph, save
+
+    lens, pose = preset(camera, *parse_size(size))
+    if pitch_deg is not None:
+        pose = replace(pose, pitch_deg=pitch_deg)
+    eye = Eye(x, y, heading_deg, pose)
+    at = eye.lens()
+    if generate(home).room_at(float(at[0]), float(at[1])) is None:
+        raise UserError(f"({x:g}, {y:g}) is in no room of home {home}; choose a place inside one")
+    for path in save(photograph(home, lens, eye), home, out):
+        typer.echo(path)

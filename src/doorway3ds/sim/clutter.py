@@ -130,7 +130,7 @@ def floor_lamp(rng: Rng) -> Item:
     parts: list[Part] = [
         (pole, cylinder(0.14, 0.03)),
         (pole, cylinder(0.012, h)),
-        (rgb(0.97, 0.9, 0.75), cylinder(0.2, 0.26, (0, 0, h - 0.05), 0.13)),
+        ("!" + rgb(0.97, 0.9, 0.75), cylinder(0.2, 0.26, (0, 0, h - 0.05), 0.13)),
     ]
     return Item("floor_lamp", (0.4, 0.4, h + 0.2), tuple(parts))
 
@@ -258,4 +258,11 @@ def ceiling_disc(rng: Rng) -> Item:
     return Item("disc", (2 * r, 2 * r, 0.08), (("!#fffaf0", cylinder(r * 0.9, 0.07, (0, 0, -0.07), r)),))
 
 
-WALL: tuple[Maker, ...] = (painting, painting, painting, clock, shelf, coats)
+def poster(rng: Rng) -> Item:
+    """A sheet without a frame."""
+    w = float(rng.uniform(0.3, 0.8))
+    h = w * float(rng.uniform(0.9, 1.5))
+    return Item("poster", (w, 0.01, h), ((f"painting{rng.integers(6)}", picture(w, h, (0, 0.006, 0))),))
+
+
+WALL: tuple[Maker, ...] = (painting, painting, painting, poster, clock, shelf, shelf, coats)

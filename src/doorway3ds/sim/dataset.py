@@ -41,7 +41,7 @@ class Shot:
 def take(renderer: Renderer, plan: Plan, camera: Camera, eye: Eye,
          rng: np.random.Generator | None) -> Shot:  # fmt: skip
     """Photograph a scene; without `rng` the sensor is ideal (no noise, automatic exposure)."""
-    pinhole = sensor.pinhole_for(camera)
+    pinhole = sensor.pinhole_for(camera, renderer.limit)
     rgb, depth = sensor.distort(camera, pinhole, *renderer.draw(pinhole, eye))
     truth = truth_of(plan, camera, eye, depth)
     return Shot(sensor.expose(rng, rgb) if rng is not None else rgb, depth, camera, eye, truth)
@@ -103,10 +103,20 @@ def truth_object(shot: Shot, name: str, home: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def write_depth(path: Path, depth: NDArray[np.float32]) -> None:
+def write_depth(path: Path, depth: NDArray[np.float32], effort: int = 1) -> None:
     """16-bit millimetres; 0 is unknown (the sky)."""
     millimetres = np.where(np.isnan(depth), 0, np.clip(depth * 1000 + 0.5, 1, 65535))
-    cv2.imwrite(str(path), millimetres.astype(np.uint16), [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    cv2.imwrite(str(path), millimetres.astype(np.uint16), [cv2.IMWRITE_PNG_COMPRESSION, effort])
+
+
+def texels_a_metre(width: int) -> float:
+    """Texture resolution that a picture of this width deserves."""
+    return float(np.clip(72.0 * width / 320, 72.0, 160.0))
+
+
+def largest(size: tuple[int, int]) -> tuple[int, int]:
+    """Room for the pinhole picture behind a distorted one."""
+    return int(size[0] * 1.35) + 8, int(size[1] * 1.35) + 8
 
 
 @dataclass(frozen=True)
@@ -138,7 +148,7 @@ def _start_worker() -> None:
 
 def render_home(job: Job) -> int:
     """Render one home's pictures; its shard is written last, so that a cut run is noticed."""
-    scene = build(homes.generate(job.home))
+    scene = build(homes.generate(job.home), texels_a_metre(job.size[0]), largest(job.size))
     renderer = Renderer(scene, _context)
     rng = np.random.default_rng([0x19E6, job.home])
     lines, objects = [], []

@@ -172,8 +172,8 @@ def _decorate(space: _Room, rng: Rng, mirrors_left: int) -> tuple[list[Placed], 
     for side in range(4):
         lo, hi, _ = space.along(side)
         used = [(p.at, p.width / 2 + 0.12, p.sill - 0.1) for p in space.holes[side]]
-        for _ in range(int(rng.integers(0, 3 if hi - lo < 3 else 5))):
-            is_mirror = len(mirrors) < mirrors_left and rng.random() < want_mirror / 2
+        for _ in range(int(rng.integers(0, 4 if hi - lo < 3 else 7))):
+            is_mirror = len(mirrors) < mirrors_left and rng.random() < want_mirror / 3
             if is_mirror:
                 width = float(rng.uniform(0.4, 1.0))
                 height = float(rng.choice([0.6, 0.9, 1.4, 1.85]) * rng.uniform(0.85, 1.1))
@@ -223,7 +223,7 @@ def furnish(home: Home) -> Furnished:
     hung: list[Placed] = []
     mirrors: list[Mirror] = []
     rugs: list[Rug] = []
-    full = rng.uniform(0.55, 1.15)
+    full = rng.uniform(0.65, 1.35)
     for room in home.rooms:
         space = _Room(home, room, rng)
         for maker, chance, wall in ROOMS[room.kind]:
@@ -236,7 +236,7 @@ def furnish(home: Home) -> Furnished:
         for portal in home.portals_of(room.index):
             if portal.is_open and rng.random() < 0.2:
                 _block(space, rng, portal)
-        for _ in range(int(rng.poisson(1.6 * full))):
+        for _ in range(int(rng.poisson(2.0 * full))):
             item = clutter.SMALL[int(rng.integers(len(clutter.SMALL)))](rng)
             if rng.random() < 0.6:
                 space.against_wall(item, 5)

@@ -329,6 +329,7 @@ def generate(seed: int) -> Home:
         max(r.y1 for r in rooms),
     )
     portals += _windows(rng, rooms, bounds, ceiling)
-    style = {"day": float(day), "sun_deg": float(rng.uniform(0, 360)),
+    sunny = float(day and rng.random() < 0.6)
+    style = {"day": float(day), "sunny": sunny, "sun_deg": float(rng.uniform(0, 360)),
              "sun_up_deg": float(rng.uniform(20, 55)), "trim": float(rng.random())}  # fmt: skip
     return Home(seed, tuple(rooms), tuple(portals), ceiling, float(rng.uniform(0.09, 0.2)), style)

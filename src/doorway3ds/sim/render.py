@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from doorway3ds.camera import Camera, Pose, rotation
 from doorway3ds.sim.mesh import rotation_z
-from doorway3ds.sim.scene import FAR_M, NEAR_M, Scene
+from doorway3ds.sim.scene import FAR_M, LAMP_CUTOFF, NEAR_M, Scene
 
 
 def use_headless_gl() -> None:
@@ -50,6 +50,8 @@ class Renderer:
         import mujoco
 
         self._mj, self.scene = mujoco, scene
+        screen = scene.model.vis.global_
+        self.limit = (int(screen.offwidth), int(screen.offheight))
         context.make_current()
         self._data = mujoco.MjData(scene.model)
         mujoco.mj_forward(scene.model, self._data)
@@ -115,7 +117,7 @@ class Renderer:
         x, y = min(room.lamps, key=lambda at: (at[0] - eye.x) ** 2 + (at[1] - eye.y) ** 2)
         for i in range(self._drawn.nlight):
             light = self._drawn.lights[i]
-            if light.cutoff == 80:
+            if light.cutoff == LAMP_CUTOFF:
                 light.pos[:] = (x, y, home.ceiling_m - 0.12)
 
     def _wake_mirrors(self, camera: Camera, eye: Eye, axes: NDArray[np.float64]) -> None:

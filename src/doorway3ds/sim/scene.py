@@ -18,9 +18,16 @@ from doorway3ds.sim.mesh import Mesh, box, join, sheet, steps
 Rng = np.random.Generator
 NEAR_M, FAR_M = 0.03, 60.0
 PALETTE = 32  # colours a side in the picture of plain paints
+SKY_PX = 512
+LAMP_CUTOFF = 89  # nearly a half space: a narrower cone draws its edge on the walls
 ATLAS = 4  # pictures a side in the picture of pictures
 NAMES = ([f"painting{i}" for i in range(6)] + [f"books{i}" for i in range(3)]
          + [f"screen{i}" for i in range(2)] + [f"rug{i}" for i in range(4)])  # fmt: skip
+
+
+def _own(rng: Rng) -> Rng:
+    """A texture's own generator: its resolution must not change what comes after it."""
+    return rng.spawn(1)[0]
 
 
 @dataclass
@@ -75,19 +82,19 @@ class Builder:
 def _paints(builder: Builder, rng: Rng) -> None:
     """Woods, cloths, pictures: what furniture is covered with."""
     for i in range(3):
-        builder.texture(f"wood{i}", textures.wood(rng, 160))
+        builder.texture(f"wood{i}", textures.wood(_own(rng), 160))
         builder.material(f"wood{i}", f"wood{i}", f'specular="{rng.uniform(0, 0.35):.2f}" shininess="0.4"')
     for i in range(4):
-        builder.texture(f"fabric{i}", textures.fabric(rng, 128))
+        builder.texture(f"fabric{i}", textures.fabric(_own(rng), 128))
         builder.material(f"fabric{i}", f"fabric{i}", 'specular="0"')
-    builder.texture("curtain", textures.curtain(rng, 160))
+    builder.texture("curtain", textures.curtain(_own(rng), 160))
     builder.material("curtain", "curtain", 'specular="0" emission="0.1"')
     cell = 192
     atlas = np.zeros((ATLAS * cell, ATLAS * cell, 3), np.float32)
     for slot, name in enumerate(NAMES):
         maker = getattr(textures, name.rstrip("0123456789"))
         row, column = slot // ATLAS * cell, slot % ATLAS * cell
-        atlas[row : row + cell, column : column + cell] = maker(rng, cell, cell)[::-1]
+        atlas[row : row + cell, column : column + cell] = maker(_own(rng), cell, cell)[::-1]
     builder.texture("pictures", atlas)
     builder.material("pictures", "pictures", 'specular="0.2" shininess="0.6"')
 
@@ -115,7 +122,7 @@ def _room(builder: Builder, furnished: Furnished, room: Room, rng: Rng, trim: st
     spans = [s for s in home.spans() if s.room == i]
     total = sum(shell.wall_face(home, room, s)[1] for s in spans)
     accent = int(rng.integers(4)) if rng.random() < 0.2 else -1
-    other = textures.WALLS[rng.integers(len(textures.WALLS))](rng, ppm)
+    other = textures.WALLS[rng.integers(len(textures.WALLS))](_own(rng), ppm)
     for span in spans:
         start, length, _ = shell.wall_face(home, room, span)
         tile = other if span.side == accent else wall_tile
@@ -194,18 +201,18 @@ def _curtains(builder: Builder, furnished: Furnished, rng: Rng) -> None:
 
 def _lights(home: Home) -> str:
     """Sun or moon, one lamp, two fills; a view moves the lamp into its own room."""
-    day = home.style["day"] > 0
+    sunny = home.style["sunny"] > 0
     azimuth, up = np.radians(home.style["sun_deg"]), np.radians(home.style["sun_up_deg"])
     d = -np.array([np.cos(azimuth) * np.cos(up), np.sin(azimuth) * np.cos(up), np.sin(up)])
     centre = np.array([*np.mean([r.centre for r in home.rooms], axis=0), 1.0])
     at = centre - d * 14
-    sun = 0.5 if day else 0.0
+    sun = 0.5
     return (
         f'<light name="sun" type="directional" castshadow="true" pos="{at[0]:.3f} {at[1]:.3f} '
         f'{at[2]:.3f}" dir="{d[0]:.3f} {d[1]:.3f} {d[2]:.3f}" diffuse="{sun} {sun * 0.93} '
-        f'{sun * 0.8}" specular="0.1 0.1 0.1" active="{"true" if day else "false"}"/>'
-        '<light name="lamp" type="spot" castshadow="true" pos="0 0 2.3" dir="0 0 -1" cutoff="80" '
-        'exponent="1" diffuse="0.42 0.4 0.36" specular="0.25 0.25 0.25"/>'
+        f'{sun * 0.8}" specular="0.1 0.1 0.1" active="{"true" if sunny else "false"}"/>'
+        f'<light name="lamp" type="spot" castshadow="true" pos="0 0 2.3" dir="0 0 -1" cutoff="{LAMP_CUTOFF}" '
+        'exponent="1" diffuse="0.5 0.48 0.43" specular="0.25 0.25 0.25"/>'
         '<light name="fill" type="directional" castshadow="false" dir="0.45 0.25 -0.85" '
         'diffuse="0.2 0.2 0.21" specular="0 0 0"/>'
         '<light name="back" type="directional" castshadow="false" dir="-0.6 -0.35 0.35" '
@@ -235,21 +242,21 @@ def build(home: Home, ppm: float = 72.0, size: tuple[int, int] = (1024, 768)) ->
     builder = Builder(home.seed, ppm)
     _paints(builder, rng)
     trim = "#f1efe9" if home.style["trim"] < 0.75 else f"wood{rng.integers(3)}"
-    common_floor = textures.FLOORS[rng.integers(len(textures.FLOORS))](rng, ppm)
-    common_wall = textures.plaster(rng, ppm)
+    common_floor = textures.FLOORS[rng.integers(len(textures.FLOORS))](_own(rng), ppm)
+    common_wall = textures.plaster(_own(rng), ppm)
     walls = []
     for room in home.rooms:
         wet = room.kind in ("bath", "kitchen")
         floor = common_floor
         if wet and rng.random() < 0.7:
-            floor = textures.tiles(rng, ppm)
+            floor = textures.tiles(_own(rng), ppm)
         elif rng.random() < 0.3:
-            floor = textures.FLOORS[rng.integers(len(textures.FLOORS))](rng, ppm)
+            floor = textures.FLOORS[rng.integers(len(textures.FLOORS))](_own(rng), ppm)
         wall = common_wall
         if room.kind == "bath" and rng.random() < 0.6:
-            wall = textures.tiles(rng, ppm)
+            wall = textures.tiles(_own(rng), ppm)
         elif rng.random() < 0.55:
-            wall = textures.WALLS[rng.integers(len(textures.WALLS))](rng, ppm)
+            wall = textures.WALLS[rng.integers(len(textures.WALLS))](_own(rng), ppm)
         walls.append(_room(builder, furnished, room, rng, trim, (floor, wall)))
     _openings(builder, furnished, rng, trim, walls)
     _curtains(builder, furnished, rng)
@@ -283,7 +290,7 @@ def build(home: Home, ppm: float = 72.0, size: tuple[int, int] = (1024, 768)) ->
         light = home.rooms[room].light if room >= 0 else ((1.0, 1.0, 1.0) if home.style["day"] else (0.15, 0.15, 0.2))  # noqa: E501
         name = f"{group.replace(':', '_')}_{room}"
         builder.geom(name, join(parts), group, light)
-    sky = surfaces.skybox(rng, 256, home.style["day"] > 0)
+    sky = surfaces.skybox(_own(rng), SKY_PX, home.style["day"] > 0)
     model = mujoco.MjModel.from_xml_string(_xml(builder, home, mirror_xml, size), builder.assets)
     for name, picture in [*builder.pictures.items(), ("sky", sky)]:
         k = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXTURE, name)
@@ -306,9 +313,9 @@ def _xml(builder: Builder, home: Home, mirrors: list[str], size: tuple[int, int]
         f'<visual><global offwidth="{size[0]}" offheight="{size[1]}"/>'
         '<quality shadowsize="1024" offsamples="4"/>'
         '<headlight ambient="0.42 0.42 0.42" diffuse="0.06 0.06 0.06" specular="0 0 0"/>'
-        f'<map znear="{NEAR_M}" zfar="{FAR_M}" shadowclip="9" shadowscale="0.9"/></visual>'
+        f'<map znear="{NEAR_M}" zfar="{FAR_M}" shadowclip="9" shadowscale="0.82"/></visual>'
         '<statistic extent="1" center="0 0 0"/><default><geom contype="0" conaffinity="0"/></default>'
-        f'<asset><texture name="sky" type="skybox" builtin="flat" width="256" height="1536"/>{pictures}'
+        f'<asset><texture name="sky" type="skybox" builtin="flat" width="{SKY_PX}" height="{6 * SKY_PX}"/>{pictures}'
         '<material name="mirror" rgba="0.02 0.025 0.025 1" reflectance="0.94" specular="0"/>'
         f"{''.join(builder.materials)}{''.join(builder.meshes)}</asset><worldbody>"
         f"{_lights(home)}{''.join(builder.geoms)}{''.join(mirrors)}</worldbody></mujoco>"

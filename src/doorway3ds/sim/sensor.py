@@ -71,7 +71,7 @@ def expose(rng: Rng, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
     if rng.random() < 0.08:
         length = int(rng.integers(3, 6) * w / 320)
         picture = cv2.blur(picture, (length, 1))
-    noise = rng.uniform(0.002, 0.012) * np.sqrt(gain)
+    noise = rng.uniform(0.002, 0.009) * np.sqrt(gain)
     grain = rng.standard_normal((h, w, 3), np.float32)
     if rng.random() < 0.5:  # demosaicking smears the grain
         grain = cv2.GaussianBlur(grain, (0, 0), 0.6) * 1.8

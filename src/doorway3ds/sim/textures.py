@@ -141,7 +141,7 @@ def tiles(rng: Rng, ppm: float) -> Picture:
 def carpet(rng: Rng, ppm: float) -> Picture:
     """A metre of short pile."""
     size = int(ppm)
-    base = hsv(rng.uniform(0, 1), rng.uniform(0.03, 0.45), rng.uniform(0.2, 0.75))
+    base = hsv(rng.uniform(0, 1), rng.uniform(0.02, 0.6) ** 1.6, rng.uniform(0.2, 0.75))
     tone = 0.05 * noise(rng, size, size, size / 3, 3)
     tone += rng.normal(0, 0.07, (size, size)).astype(np.float32)
     return shade(flat(base, size, size), tone)
@@ -157,12 +157,12 @@ def plaster(rng: Rng, ppm: float) -> Picture:
     """A metre of painted wall: mostly white to cream, at times a colour."""
     size = int(ppm)
     kind = rng.random()
-    if kind < 0.5:
+    if kind < 0.62:
         base = hsv(rng.uniform(0.08, 0.16), rng.uniform(0.0, 0.12), rng.uniform(0.82, 0.97))
-    elif kind < 0.8:
-        base = hsv(rng.uniform(0, 1), rng.uniform(0.08, 0.3), rng.uniform(0.65, 0.92))
+    elif kind < 0.9:
+        base = hsv(rng.uniform(0, 1), rng.uniform(0.04, 0.22), rng.uniform(0.65, 0.92))
     else:
-        base = hsv(rng.uniform(0, 1), rng.uniform(0.2, 0.55), rng.uniform(0.35, 0.75))
+        base = hsv(rng.uniform(0, 1), rng.uniform(0.2, 0.5), rng.uniform(0.35, 0.75))
     tone = 0.02 * noise(rng, size, size, size / 2, 3)
     tone += rng.normal(0, rng.uniform(0, 0.012), (size, size)).astype(np.float32)
     return shade(flat(base, size, size), tone)
@@ -192,7 +192,7 @@ def wallpaper(rng: Rng, ppm: float) -> Picture:
 def brick(rng: Rng, ppm: float) -> Picture:
     """A metre of bare or painted brick."""
     rows, columns = 12, 4
-    size = int(ppm) // (2 * rows * columns) * 2 * rows * columns or 96
+    size = max(1, round(ppm / (2 * rows))) * 2 * rows
     y, x = np.mgrid[0:size, 0:size]
     row = y * rows // size
     xs = (x + (row % 2) * size // (2 * columns)) % size
@@ -211,7 +211,7 @@ def brick(rng: Rng, ppm: float) -> Picture:
 def fabric(rng: Rng, ppm: float) -> Picture:
     """Half a metre of cloth: plain weave, stripes or plaid."""
     size = int(ppm)
-    base = hsv(rng.uniform(0, 1), rng.uniform(0.02, 0.75) ** 1.3, rng.uniform(0.15, 0.92))
+    base = hsv(rng.uniform(0, 1), rng.uniform(0.02, 0.85) ** 1.8, rng.uniform(0.15, 0.92))
     out = flat(base, size, size)
     kind = rng.random()
     if kind > 0.55:

@@ -38,7 +38,8 @@ class OpeningTruth:
     """One open doorway as the picture shows it; see docs/sim.md for the exact meaning.
 
     left_px, right_px: at mid-height, by what is seen through it, cut at the picture's edge.
-    bearing_deg, range_m: middle of the seen part on the threshold, from the turning axis.
+    bearing_deg, range_m: where the ray through the middle column meets the threshold, from the
+        turning axis.
     jambs_deg: (left, right) bearings of the whole free opening from the lens.
     clear: free path for the footprint; None where the picture does not show it.
     seen: share of the opening within the picture that is not hidden.
@@ -192,6 +193,9 @@ class _View:
         angle = np.degrees(np.arctan2(d[1], d[0])) - self.eye.heading_deg
         return float((angle + 180) % 360 - 180)
 
+    def azimuth_at(self, column: float) -> float:
+        return float(np.interp(column, self.columns[::-1], self.middle[::-1]))
+
     def column(self, azimuth: float) -> float:
         return float(np.interp(azimuth, self.middle, self.columns))
 
@@ -268,7 +272,8 @@ def _opening(furnished: Furnished, plan: Plan, view: _View, index: int,
     seen_left, seen_right = min(seen_left, edge_left), max(seen_right, edge_right)
     if seen_left - seen_right < step:
         return None
-    middle = (seen_left + seen_right) / 2
+    left_px, right_px = view.column(seen_left), view.column(seen_right)
+    middle = view.azimuth_at((left_px + right_px) / 2)
     target = _on_wall(portal, view, middle)
     if target is None:
         return None
@@ -276,7 +281,6 @@ def _opening(furnished: Furnished, plan: Plan, view: _View, index: int,
     bearing = np.degrees(np.arctan2(to[1], to[0])) - view.eye.heading_deg
     cuts = (cut_left and seen_left == edge_left, cut_right and seen_right == edge_right)
     cut = {(True, True): "both", (True, False): "left", (False, True): "right"}.get(cuts)
-    left_px, right_px = view.column(seen_left), view.column(seen_right)
     area = float(seen.mean())
     share = float(seen.sum() / max(inside.sum(), 1))
     width = (right_px - left_px) / camera.width
