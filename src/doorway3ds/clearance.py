@@ -36,6 +36,9 @@ class ClearanceParams:
         points is called floor by the floor mask (1: the mask has no say).
     mask_blocks: with a network's depth, this fraction of the footprint called not floor blocks
         even where the depth sees nothing (above 1: never).
+    vote_blocks: with a network's depth, the network's own probability that the way is free
+        blocks below this even where the depth sees nothing (0: never).
+    vote_frees: from this on it overrules what the depth calls an obstacle (above 1: never).
     """
 
     width_m: float = 0.28
@@ -49,6 +52,8 @@ class ClearanceParams:
     group_gain: float = 0.02
     floor_veto: float = 0.5
     mask_blocks: float = 1.1
+    vote_blocks: float = 0.0
+    vote_frees: float = 1.1
 
 
 @dataclass(frozen=True)
@@ -89,8 +94,12 @@ def sweep(
     bearing_deg: float,
     range_m: float | None,
     params: ClearanceParams,
+    vote: float | None = None,
 ) -> Clearance:
-    """Sweep the footprint from the turning axis along a bearing up to the threshold."""
+    """Sweep the footprint from the turning axis along a bearing up to the threshold.
+
+    vote: the network's own probability that the way is free, if it gives one.
+    """
     reach = params.max_range_m if range_m is None else range_m
     way = np.array([math.cos(math.radians(bearing_deg)), math.sin(math.radians(bearing_deg))])
     corridor = _corridor(way, params.start_m, max(reach, params.start_m), params.width_m)
@@ -138,9 +147,15 @@ def sweep(
         if np.count_nonzero(bare) > params.mask_blocks * np.count_nonzero(way_pixels):
             block = bare
 
+    if vote is None or scene.depth_error == 0:  # true depth needs no second opinion
+        vote = params.vote_blocks
+    elif vote >= params.vote_frees:
+        block = None
     clear: bool | None = None
     obstacle_px, obstacle_m = None, None
-    if block is not None:
+    if block is None and vote < params.vote_blocks:
+        clear = False
+    elif block is not None:
         clear = False
         rows, columns = np.nonzero(block)
         obstacle_px = np.stack([scene.columns_px[columns], scene.rows_px[rows]], axis=-1)

@@ -116,7 +116,8 @@ def select_opening(
     passing_deg = _passing_bearing(best, params)
     way: Clearance | None = None
     if scene is not None:
-        way = sweep(scene, frame.camera, passing_deg, best.range_m, params.clearance)
+        vote = _vote(perception.columns, best, frame.camera.width)
+        way = sweep(scene, frame.camera, passing_deg, best.range_m, params.clearance, vote)
     unsure, look = _doubt(best, passing_deg, params)
     return Selection(
         bearing_deg=best.bearing_deg,
@@ -129,6 +130,18 @@ def select_opening(
         look=look,
         evidence={} if way is None else way.evidence(),
     )
+
+
+def _vote(votes: ColumnVotes, best: Opening, width: int) -> float | None:
+    """The network's own probability that the way to an opening is free: its strips' mean."""
+    if votes.clear is None:
+        return None
+    centre = (np.arange(votes.score.size) + 0.5) * width / votes.score.size - 0.5
+    weight = np.where((centre >= best.left_px) & (centre <= best.right_px), votes.score, 0.0)
+    if not weight.any():  # narrower than a strip
+        nearest = np.abs(centre - (best.left_px + best.right_px) / 2).argmin()
+        weight = np.where(np.arange(centre.size) == nearest, 1.0, 0.0)
+    return float(weight @ votes.clear / weight.sum())
 
 
 def _opening(

@@ -66,16 +66,21 @@ class ColumnVotes:
     left_px, right_px: (N,) where that doorway begins and ends, as columns of the whole
     picture at mid-height, if there is one here; clipped to the picture's edges
     (-0.5 and W - 0.5).
+    clear: (N,) probability that the way to that doorway is free, or None where the network
+    has no opinion. It is weighed against what the depth shows, never taken alone for seen floor.
     """
 
     score: FloatArray
     left_px: FloatArray
     right_px: FloatArray
+    clear: FloatArray | None = None
 
     def __post_init__(self) -> None:
         shapes = {self.score.shape, self.left_px.shape, self.right_px.shape}
+        if self.clear is not None:
+            shapes.add(self.clear.shape)
         if len(shapes) != 1 or self.score.ndim != 1:
-            raise ValueError(f"column votes must be three (N,) arrays of one length, got {shapes}")
+            raise ValueError(f"column votes must be (N,) arrays of one length, got {shapes}")
 
 
 @dataclass(frozen=True)

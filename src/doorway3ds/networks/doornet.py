@@ -6,6 +6,7 @@ h and w open multiples of 32, and gives
 - "score", "left", "right" (1, N): for each of N equal strips of columns the logit that it looks
   through an open doorway, and the distances from the strip's centre to that doorway's left and
   right edge as fractions of w;
+- "clear" (1, N), in newer files: logit that the way to the opening in that strip is free;
 - "depth" (1, h', w'): metres for a camera whose focal length is `canonical_f_px` pixels of the
   network's input; another camera's are longer in proportion to its focal length;
 - "floor" (1, h', w'): logit that the pixel shows floor.
@@ -96,6 +97,7 @@ class DoorNet:
 
     gives: ClassVar[frozenset[str]] = frozenset({P_OPEN, COLUMNS, DEPTH, FLOOR})
     outputs: ClassVar[tuple[str, ...]] = ("p_open", "score", "left", "right", "depth", "floor")
+    optional: ClassVar[tuple[str, ...]] = ("clear",)
 
     def __init__(
         self,
@@ -111,6 +113,7 @@ class DoorNet:
             path,
             [(1, 3, None, None)],
             self.outputs,
+            self.optional,
             sha256=sha256,
             threads=threads,
             providers=providers,
@@ -157,10 +160,11 @@ class DoorNet:
     def _columns(
         self, answer: Mapping[str, NDArray[np.float32]], at: Placement, width: int
     ) -> ColumnVotes:
-        shapes = {answer[key].shape for key in ("score", "left", "right")}
+        names = [key for key in ("score", "left", "right", "clear") if key in answer]
+        shapes = {answer[key].shape for key in names}
         shape = next(iter(shapes))
         if len(shapes) != 1 or len(shape) != 2 or shape[0] != 1:
-            raise self.session.misfit("score, left and right", "of one shape (1, N)", shapes)
+            raise self.session.misfit(", ".join(names), "of one shape (1, N)", shapes)
         count = shape[1]
         # The picture's own strips, each answered by the input's strip under its centre:
         # the same strips but for padded pictures.
@@ -176,6 +180,7 @@ class DoorNet:
             score=_sigmoid(answer["score"][0, strip]),
             left_px=to_picture(voted - answer["left"][0, strip] * at.width),
             right_px=to_picture(voted + answer["right"][0, strip] * at.width),
+            clear=_sigmoid(answer["clear"][0, strip]) if "clear" in answer else None,
         )
 
     def _map(

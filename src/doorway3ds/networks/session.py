@@ -40,7 +40,7 @@ class Session:
 
     path: the ONNX file.
     shapes: layouts allowed for the input "image"; a file may leave a fixed size open, too.
-    outputs: names that the file must give, and no others.
+    outputs: names that the file must give; optional: those that it may give; no others.
     sha256: refuse a file whose digest is another.
     threads: per operator; default `available_threads()`.
     providers: default `available_providers()`.
@@ -53,6 +53,7 @@ class Session:
         path: str | os.PathLike[str],
         shapes: Sequence[Shape],
         outputs: Sequence[str],
+        optional: Sequence[str] = (),
         *,
         sha256: str | None = None,
         threads: int | None = None,
@@ -68,6 +69,7 @@ class Session:
             )
         self._session = _open(self.path, threads, providers)
         self.outputs = tuple(outputs)
+        self._optional = tuple(optional)
         self.layout = self._check(shapes)
         self.metadata: Mapping[str, str] = self._session.get_modelmeta().custom_metadata_map
 
@@ -76,6 +78,7 @@ class Session:
         expected = f'one float32 input "image" of shape {_or(shapes)} and {_names(self.outputs)}'
         inputs = self._session.get_inputs()
         gives = {output.name: output.type for output in self._session.get_outputs()}
+        self.outputs += tuple(name for name in self._optional if name in gives)
         if [(i.name, i.type) for i in inputs] == [
             ("image", "tensor(float)")
         ] and gives == dict.fromkeys(self.outputs, "tensor(float)"):
