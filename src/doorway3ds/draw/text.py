@@ -1,15 +1,14 @@
-"""Anti-aliased text from packaged glyph outlines, with nothing but NumPy and OpenCV.
+"""Anti-aliased text in OpenCV's built-in variable font, measured and set to fractions of a pixel.
 
-OpenCV's own fonts differ between its versions and lack the degree sign; outlines give the
-same crisp letters at every size on every version. The outlines are those of Inter (SIL Open
-Font License, fonts/OFL.txt), written by tools/make_glyphs.py.
+OpenCV puts letters at whole pixels, which leaves small text cramped and uneven. So a line is
+drawn a few times larger and averaged down.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+import threading
 from functools import lru_cache
-from importlib.resources import files
 from typing import Any, Literal
 
 import cv2
@@ -21,90 +20,70 @@ Color = tuple[int, int, int]
 Weight = Literal["regular", "semibold"]
 Anchor = Literal["left", "center", "right"]
 
-UNITS_PER_EM = 2048
-CAP_HEIGHT = 1490 / UNITS_PER_EM  # of the size, from the baseline up
-DESCENT = 0.24  # of the size, from the baseline down
-_ASCENT = 0.98  # holds accents on capitals
-_FINE = 4  # glyphs are filled this many times larger, then averaged down
-_SHIFT = 4  # fractional bits of the polygon corners
+# Of the em, measured on the font at 1000 pixels.
+CAP_HEIGHT = 0.70  # from the baseline up
+DESCENT = 0.22  # from the baseline down, of Latin letters
+_ASCENDER = 0.935  # what OpenCV takes for the size of a font
+_ABOVE, _BELOW, _BESIDE = 1.05, 0.40, 0.12  # room round a line for accents and overhang
+_WEIGHTS: dict[Weight, int] = {"regular": 400, "semibold": 600}
+_FINEST = 8  # times larger than wanted
+_KEPT = 128  # pixels; letters larger than that OpenCV shapes anew at every call
+_thread = threading.local()
 
 
-@dataclass(frozen=True)
-class _Face:
-    advance: dict[str, float]  # em
-    outlines: dict[str, tuple[NDArray[np.float32], ...]]  # em, y down, closed polylines
-    kerning: dict[str, float]  # em, by pair of characters
+def _face() -> cv2.FontFace:
+    """The font of this thread; one face in two threads at once mixes their sizes and weights."""
+    if not hasattr(_thread, "face"):
+        _thread.face = cv2.FontFace("sans")
+    face: cv2.FontFace = _thread.face
+    return face
 
 
-@lru_cache(maxsize=2)
-def _face(weight: Weight) -> _Face:
-    with (
-        files("doorway3ds.draw").joinpath("fonts/inter.npz").open("rb") as file,
-        np.load(file, allow_pickle=False) as stored,
-    ):
-        part = {
-            key: stored[f"{weight}_{key}"]
-            for key in ("code", "advance", "contours", "lengths", "points", "kerning")
-        }
-    points = part["points"].astype(np.float32) / UNITS_PER_EM
-    points[:, 1] *= -1
-    polylines = np.split(points, np.cumsum(part["lengths"])[:-1])
-    advance: dict[str, float] = {}
-    outlines: dict[str, tuple[NDArray[np.float32], ...]] = {}
-    first = 0
-    for code, units, count in zip(part["code"], part["advance"], part["contours"], strict=True):
-        character = chr(int(code))
-        advance[character] = float(units) / UNITS_PER_EM
-        outlines[character] = tuple(polylines[first : first + int(count)])
-        first += int(count)
-    kerning = {
-        chr(int(a)) + chr(int(b)): float(units) / UNITS_PER_EM for a, b, units in part["kerning"]
-    }
-    return _Face(advance, outlines, kerning)
+def _printable(text: str) -> str:
+    """One line of `text`; OpenCV breaks at newlines and crashes at half a surrogate pair."""
+    return "".join(" " if c.isspace() else c if c.isprintable() else "?" for c in text)
 
 
-def _places(text: str, weight: Weight) -> tuple[list[tuple[str, float]], float]:
-    """Each character with its pen position, and the whole advance; both in em."""
-    face = _face(weight)
-    x = 0.0
-    before = ""
-    placed = []
-    for raw in text.replace("\u00a0", " "):
-        character = raw if raw in face.advance else "?"
-        x += face.kerning.get(before + character, 0.0)
-        placed.append((character, x))
-        x += face.advance[character]
-        before = character
-    return placed, x
+def _enlarged(size: float) -> tuple[int, int]:
+    """How many times larger a line is drawn, and OpenCV's size for it."""
+    pixels = size * _ASCENDER
+    times = max(1, min(_FINEST, int(_KEPT / max(pixels, 1.0))))
+    return times, max(1, round(pixels * times))
+
+
+def _advance(text: str, pixels: int, weight: Weight) -> int:
+    """From the pen's start to its end in pixels of the enlarged line; `text` is printable."""
+    if not text:
+        return 0
+    # The box reaches one pixel beyond the pen.
+    box = cv2.getTextSize((0, 0), text, (0, 0), _face(), pixels, _WEIGHTS[weight])
+    return int(box[2]) - 1
 
 
 def text_width(text: str, size: float, weight: Weight = "regular") -> float:
     """Advance of one line in pixels."""
-    return _places(text, weight)[1] * size
+    times, pixels = _enlarged(size)
+    return _advance(_printable(text), pixels, weight) / times
 
 
 @lru_cache(maxsize=256)
 def _coverage(text: str, size: float, weight: Weight) -> NDArray[np.uint8]:
-    """(h, w) coverage 0..255; the pen starts one pixel in, the baseline is at row ceil(ascent)."""
-    placed, advance = _places(text, weight)
-    face = _face(weight)
-    width = int(np.ceil(advance * size)) + 3
-    height = int(np.ceil(_ASCENT * size)) + int(np.ceil(DESCENT * size)) + 1
-    fine = np.zeros((height * _FINE, width * _FINE), np.uint8)
-    baseline = np.ceil(_ASCENT * size)
-    for character, x in placed:
-        # fillPoly paints its outline too, half a fine pixel outwards; corners are given by
-        # pixel centres, hence the half to take off.
-        corners = [
-            ((outline * size + (1 + x * size, baseline)) * _FINE - 0.5)
-            for outline in face.outlines[character]
-        ]
-        if corners:
-            polygons = [np.round(points * (1 << _SHIFT)).astype(np.int32) for points in corners]
-            cv2.fillPoly(fine, polygons, 255, cv2.LINE_8, _SHIFT)
-    small = cv2.resize(fine, (width, height), interpolation=cv2.INTER_AREA)
+    """(h, w) coverage 0..255; the pen starts at `_origin(size)`."""
+    times, pixels = _enlarged(size)
+    left, baseline = _origin(size)
+    width = 2 * left + math.ceil(_advance(text, pixels, weight) / times)
+    height = baseline + math.ceil(_BELOW * size)
+    fine = np.zeros((height * times, width * times), np.uint8)
+    at = (left * times, baseline * times)
+    cv2.putText(fine, text, at, (255,), _face(), pixels, _WEIGHTS[weight])
+    small = np.asarray(cv2.resize(fine, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
     small.setflags(write=False)
-    return np.asarray(small, np.uint8)
+    return small
+
+
+def _origin(size: float) -> tuple[int, int]:
+    """Column and row in a line's coverage at which the pen starts."""
+    return 1 + math.ceil(_BESIDE * size), math.ceil(_ABOVE * size)
 
 
 def blend(canvas: Image, coverage: NDArray[Any], origin: tuple[int, int], color: Color) -> None:
@@ -135,11 +114,10 @@ def draw_text(
     """Write one line into `canvas`; `at` is the (x, y) of its baseline, `size` the em in pixels."""
     if not text:
         return
-    size = round(size * 4) / 4
     shift = {"left": 0.0, "center": 0.5, "right": 1.0}[anchor] * text_width(text, size, weight)
-    left = round(at[0] - shift) - 1
-    top = round(at[1]) - int(np.ceil(_ASCENT * size))
-    blend(canvas, _coverage(text, size, weight), (left, top), color)
+    left, baseline = _origin(size)
+    corner = (round(at[0] - shift) - left, round(at[1]) - baseline)
+    blend(canvas, _coverage(_printable(text), size, weight), corner, color)
 
 
 def wrap(
