@@ -1,0 +1,152 @@
+"""What every source of frames has in common."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.camera import Camera, Pose, default_camera
+from doorway3ds.errors import UserError
+from doorway3ds.types import Frame
+
+CameraFor = Callable[[int, int, "float | None"], Camera]
+"""The camera for a picture's width, height and EXIF focal length (35 mm) or None."""
+
+
+class SourceLost(UserError):
+    """A source that gave pictures, or should have, is gone for good."""
+
+
+@dataclass(frozen=True)
+class View:
+    """The camera and pose that the user gave, and what holds without them.
+
+    camera: scaled to each picture's size (UserError for another aspect), or a function that gives
+        it; outranks the camera a source knows of itself. pose: likewise.
+    """
+
+    camera: Camera | CameraFor | None = None
+    pose: Pose | None = None
+
+    def frame(
+        self,
+        image: NDArray[np.uint8],
+        stamp_s: float,
+        *,
+        focal_35mm: float | None = None,
+        camera: Camera | None = None,
+        pose: Pose | None = None,
+    ) -> Frame:
+        """A frame; `camera` and `pose` are the source's own, used where the user gave none."""
+        height, width = image.shape[:2]
+        chosen = self.camera if self.camera is not None else camera
+        if chosen is None:
+            fitted = default_camera(width, height, focal_35mm)
+        elif not isinstance(chosen, Camera):
+            fitted = chosen(width, height, focal_35mm)
+        elif (chosen.width, chosen.height) != (width, height):
+            fitted = chosen.scaled_to(width, height)
+        else:
+            fitted = chosen
+        return Frame(image, fitted, self.pose or pose or Pose(), stamp_s)
+
+
+class Source(ABC):
+    """An iterator of frames that holds a device, file or connection until it is closed.
+
+    >>> with open_source("webcam://0") as source:  # doctest: +SKIP
+    ...     for frame in source:
+    ...         print(pipeline(frame).turn_deg)
+
+    name: the URI without its password. live: frames come when the world gives them; only the
+    newest is kept. skipped: frames that came and were not handed out. damaged: pictures that
+    could not be decoded. reconnects: how often the connection was made again. frame_name: what
+    the last frame is called (a file of a folder, else `name`). problem: why no picture comes at
+    the moment, in words, or None. ended: no further frame will come. notice: called with one line
+    for each picture left out and each change of the connection, perhaps from another thread.
+
+    Frames' stamps are `time.monotonic()` for live sources, the time in the film for others.
+    """
+
+    live: bool = False
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.frame_name = name
+        self.skipped = 0
+        self.damaged = 0
+        self.reconnects = 0
+        self.problem: str | None = None
+        self.ended = False
+        self.notice: Callable[[str], None] = _ignore
+
+    @abstractmethod
+    def read(self, timeout_s: float | None = None) -> Frame | None:
+        """The next frame; None where none came within `timeout_s` seconds, or when `ended`.
+
+        Pictures that cannot be used are left out and counted. Raises SourceLost when the source
+        is gone, UserError where nothing of it could be used.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Releases everything; may be called twice. Ends an iteration in another thread."""
+
+    def __iter__(self) -> Self:
+        return self
+
+    def __next__(self) -> Frame:
+        while not self.ended:
+            frame = self.read()
+            if frame is not None:
+                return frame
+        raise StopIteration
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def _ignore(line: str) -> None:
+    pass
+
+
+@dataclass(frozen=True)
+class Shot:
+    """What a capture gives: a picture as it came, and what the device knows about it.
+
+    image: (H, W, 3) uint8 RGB, or the bytes of an image file, decoded only if it is used.
+    stamp_s: `time.monotonic()` at exposure, or at arrival where that is unknown.
+    """
+
+    image: NDArray[np.uint8] | bytes
+    stamp_s: float
+    camera: Camera | None = None
+    pose: Pose | None = None
+
+
+class Capture(Protocol):
+    """One connection to a device or stream; `LiveSource` reads it in a thread of its own."""
+
+    def read(self) -> Shot | None:
+        """The next picture, waited for a few seconds at most; None where none came.
+
+        Raises OSError or UserError where the connection is lost.
+        """
+
+    def close(self) -> None:
+        """Releases the device; called from the thread that reads."""
+

@@ -1,0 +1,183 @@
+"""Live sources: a thread reads, only the newest picture is kept, lost connections come back."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+from doorway3ds.errors import UserError
+from doorway3ds.images import read_image
+from doorway3ds.sources.base import Capture, Shot, Source, SourceLost, View
+from doorway3ds.types import Frame
+
+FIRST_WAIT_S, LONGEST_WAIT_S = 0.25, 8.0
+_CLOSE_WAIT_S = 2.0
+
+
+class LiveSource(Source):
+    """Frames from a camera or stream that goes on whether or not anybody looks.
+
+    connect: makes the connection; called once at once, whose error is the caller's, and again
+        after each loss, with waits that double from 0.25 to 8 s until a picture comes.
+    patience_s: SourceLost after this long without a picture; None: never.
+    stall_s: a connection that gives no picture for this long counts as lost.
+    """
+
+    live = True
+
+    def __init__(
+        self,
+        name: str,
+        connect: Callable[[], Capture],
+        view: View | None = None,
+        *,
+        patience_s: float | None = 60.0,
+        stall_s: float = 5.0,
+    ) -> None:
+        super().__init__(name)
+        self._connect, self._view = connect, view or View()
+        self._patience_s, self._stall_s = patience_s, stall_s
+        self._news = threading.Condition()
+        self._closing = threading.Event()
+        self._shot: Shot | None = None
+        self._gone: str | None = None
+        self._crash: BaseException | None = None
+        self._wait_s = FIRST_WAIT_S
+        capture = self._try_connect()
+        self._last_s = time.monotonic()
+        self._thread = threading.Thread(
+            target=self._run, args=(capture,), name=f"reader of {name}", daemon=True
+        )
+        self._thread.start()
+
+    def read(self, timeout_s: float | None = None) -> Frame | None:
+        deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        while (shot := self._newest(deadline)) is not None:
+            try:
+                return self._frame(shot)
+            except UserError as error:
+                if not isinstance(shot.image, bytes):
+                    raise
+                self.damaged += 1
+                self.notice(str(error))
+        return None
+
+    def _frame(self, shot: Shot) -> Frame:
+        image, focal_35mm = shot.image, None
+        if isinstance(image, bytes):
+            picture = read_image(image, name=f"a picture of {self.name}")
+            image, focal_35mm = picture.image, picture.focal_35mm
+        return self._view.frame(
+            image, shot.stamp_s, focal_35mm=focal_35mm, camera=shot.camera, pose=shot.pose
+        )
+
+    def _newest(self, deadline: float | None) -> Shot | None:
+        """Takes the newest shot, waiting for it; None at the deadline or when closed."""
+        with self._news:
+            while not self.ended:
+                if self._crash is not None:
+                    self.ended = True
+                    raise self._crash
+                if self._shot is not None:
+                    shot, self._shot = self._shot, None
+                    return shot
+                now = time.monotonic()
+                silent_s = now - self._last_s
+                # A device whose driver hangs never returns to the reading thread.
+                if self._patience_s is not None and silent_s > self._patience_s + self._stall_s:
+                    self._gone = self._gone or self._lost("no picture comes")
+                if self._gone is not None:
+                    self.ended = True
+                    raise SourceLost(self._gone)
+                if silent_s > self._stall_s and self.problem is None:
+                    self.problem = f"no picture for {silent_s:.0f} s"
+                if deadline is not None and now >= deadline:
+                    return None
+                self._news.wait(0.5 if deadline is None else min(0.5, deadline - now))
+        return None
+
+    def close(self) -> None:
+        with self._news:
+            self.ended = True
+            self._closing.set()
+            self._shot = None
+            self._news.notify_all()
+        if self._thread is not threading.current_thread():
+            # A thread inside a driver releases the device itself once it returns.
+            self._thread.join(_CLOSE_WAIT_S)
+
+    def _run(self, first: Capture) -> None:
+        capture: Capture | None = first
+        try:
+            while capture is not None:
+                try:
+                    reason = self._pump(capture)
+                finally:
+                    capture.close()
+                capture = None if reason is None else self._reconnect(reason)
+        except BaseException as error:
+            with self._news:
+                self._crash = error
+                self._news.notify_all()
+
+    def _pump(self, capture: Capture) -> str | None:
+        """Reads until the connection is lost, and says why; None when closing."""
+        begun = time.monotonic()
+        while not self._closing.is_set():
+            try:
+                shot = capture.read()
+            except (OSError, UserError) as error:
+                return str(error) or type(error).__name__
+            if shot is not None:
+                self._offer(shot)
+            elif time.monotonic() - max(begun, self._last_s) > self._stall_s:
+                return f"no picture for {self._stall_s:g} s"
+            else:
+                self._closing.wait(0.005)
+        return None
+
+    def _offer(self, shot: Shot) -> None:
+        with self._news:
+            self.skipped += self._shot is not None
+            self._shot = shot
+            self._last_s = time.monotonic()
+            self._wait_s = FIRST_WAIT_S
+            back = self.problem is not None
+            self.problem = None
+            self._news.notify_all()
+        if back:
+            self.notice(f"{self.name} is back")
+
+    def _reconnect(self, reason: str) -> Capture | None:
+        """A new connection; None when closing, or when patience has run out."""
+        if self.problem is None:
+            self.notice(f"{self.name} is lost: {reason}; trying again")
+        self.problem = reason
+        while not self._closing.wait(self._wait_s):
+            self._wait_s = min(2 * self._wait_s, LONGEST_WAIT_S)
+            silent_s = time.monotonic() - self._last_s
+            try:
+                capture = self._try_connect()
+            except UserError as error:
+                self.problem = str(error)
+            else:
+                self.reconnects += 1
+                return capture
+            if self._patience_s is not None and silent_s > self._patience_s:
+                with self._news:
+                    self._gone = self._lost(self.problem)
+                    self._news.notify_all()
+                return None
+        return None
+
+    def _try_connect(self) -> Capture:
+        try:
+            return self._connect()
+        except SourceLost:
+            raise
+        except (OSError, UserError) as error:
+            raise SourceLost(f"{self.name} cannot be opened: {error}") from error
+
+    def _lost(self, reason: str) -> str:
+        return f"{self.name} gave no picture for {self._patience_s:g} s: {reason}"

@@ -1,0 +1,134 @@
+"""One URI, one source."""
+
+from __future__ import annotations
+
+import glob
+import re
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+from urllib.parse import SplitResult, parse_qsl, urlsplit, urlunsplit
+
+from doorway3ds.camera import Camera, Pose
+from doorway3ds.errors import CallError, UserError
+from doorway3ds.sources.base import CameraFor, Source, View
+
+# Sources in modules of their own, each with open_uri(uri, view, **options) -> Source.
+_ELSEWHERE = {"sim": "doorway3ds.sources.sim", "nao": "doorway3ds.sources.nao"}
+
+EXPECTED = (
+    "an image, a folder, a pattern such as 'pictures/*.jpg', a video file, - (images on standard "
+    "input), webcam://0, rtsp://, http:// (MJPEG), sim:// or nao://"
+)
+
+
+def open_source(
+    uri: str,
+    *,
+    camera: Camera | CameraFor | None = None,
+    pose: Pose | None = None,
+    **options: Any,
+) -> Source:
+    """The source that `uri` names; a context manager and iterator of frames.
+
+    camera, pose: outrank what the source knows of itself.
+    options: pace (videos and folders come in their own time, as if live; default False: as fast
+        as they are read), loop (begin again at the end), fps (of a folder or standard input),
+        patience_s (live: how long without a picture until SourceLost, None: for ever);
+        what a source has no use for is passed over.
+
+    Raises CallError for a URI that names no source, UserError (SourceLost for live ones) where it
+    cannot be opened.
+    """
+    view = View(camera, pose)
+    if uri == "-":
+        from doorway3ds.sources.stills import StreamOfImages
+
+        return StreamOfImages(view, **_only(options, "fps", "stream"))
+    scheme = re.match(r"([A-Za-z][A-Za-z0-9+.-]*)://", uri)
+    if scheme is not None:
+        return _by_scheme(scheme[1].lower(), uri, view, options)
+    return _by_path(uri, view, options)
+
+
+def _by_scheme(scheme: str, uri: str, view: View, options: dict[str, Any]) -> Source:
+    live = _only(options, "patience_s", "stall_s")
+    if scheme in _ELSEWHERE:
+        module = _ELSEWHERE[scheme]
+        if find_spec(module) is None:
+            raise UserError(f"{scheme}:// is not part of this version of doorway3ds")
+        source: Source = import_module(module).open_uri(uri, view, **options)
+        return source
+    if scheme == "file":
+        return _by_path(urlsplit(uri).path, view, options)
+
+    from doorway3ds.sources.live import LiveSource
+
+    name = without_password(uri)
+    if scheme == "webcam":
+        from doorway3ds.sources.capture import webcam
+
+        return LiveSource(name, webcam(uri, options.get("capture")), view, **live)
+    if scheme in ("rtsp", "rtsps"):
+        from doorway3ds.sources.capture import stream
+
+        return LiveSource(name, stream(uri), view, **live)
+    if scheme in ("http", "https"):
+        from doorway3ds.sources.mjpeg import mjpeg
+
+        return LiveSource(name, mjpeg(uri), view, **live)
+    raise CallError(f"{name}: no source is called {scheme}://; expected {EXPECTED}")
+
+
+def _by_path(name: str, view: View, options: dict[str, Any]) -> Source:
+    from doorway3ds.images import SUFFIXES
+    from doorway3ds.sources.stills import Stills, images_in
+
+    still = _only(options, "pace", "loop", "fps")
+    path = Path(name)
+    if path.is_dir():
+        return Stills(name, images_in(path), view, **still)
+    if path.is_file():
+        if path.suffix.lower() in SUFFIXES:
+            return Stills(name, [path], view, **still)
+        from doorway3ds.sources.video import VideoFile
+
+        return VideoFile(path, view, **_only(options, "pace", "loop"))
+    if path.exists():
+        raise UserError(f"{name} is a device or pipe; expected {EXPECTED}")
+    if any(sign in name for sign in "*?["):
+        paths = sorted(Path(found) for found in glob.glob(name, recursive=True))  # noqa: PTH207
+        if not paths:
+            raise UserError(f"{name} matches no file; expected {EXPECTED}")
+        return Stills(name, [found for found in paths if found.is_file()], view, **still)
+    raise UserError(f"{name} does not exist; expected {EXPECTED}")
+
+
+def without_password(uri: str) -> str:
+    """The URI as it may be shown: a password in it becomes ***."""
+    parts = urlsplit(uri)
+    if parts.password is None:
+        return uri
+    user, _, host = parts.netloc.rpartition("@")
+    shown = f"{user.partition(':')[0]}:***@{host}"
+    return urlunsplit((parts.scheme, shown, parts.path, parts.query, parts.fragment))
+
+
+def query(uri: str, kinds: dict[str, type]) -> tuple[SplitResult, dict[str, Any]]:
+    """The URI's parts, and its ?name=value options converted; CallError for any other."""
+    parts = urlsplit(uri)
+    found: dict[str, Any] = {}
+    for key, value in parse_qsl(parts.query, keep_blank_values=True):
+        if key not in kinds:
+            raise CallError(f"{uri}: no option {key!r}; expected {', '.join(kinds) or 'none'}")
+        try:
+            found[key] = kinds[key](value)
+        except ValueError as error:
+            wanted = {int: "a whole number", float: "a number"}.get(kinds[key], "another value")
+            raise CallError(f"{uri}: {key} must be {wanted}, got {value!r}") from error
+    return parts, found
+
+
+def _only(options: dict[str, Any], *names: str) -> dict[str, Any]:
+    return {name: options[name] for name in names if name in options}
