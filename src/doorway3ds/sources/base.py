@@ -149,4 +149,3 @@ class Capture(Protocol):
 
     def close(self) -> None:
         """Releases the device; called from the thread that reads."""
-

@@ -1,0 +1,130 @@
+"""Video files."""
+
+from __future__ import annotations
+
+import math
+import threading
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.errors import UserError
+from doorway3ds.sources.base import Source, SourceLost, View
+from doorway3ds.sources.clock import Clock
+from doorway3ds.types import Frame
+
+_ASSUMED_FPS = 30.0
+_MOST_SKIPPED_S = 1.0  # of film at a stretch, so that a slow reader still sees something
+_SHORT = 0.9  # fewer than this fraction of the frames announced: the file is damaged
+
+
+class VideoFile(Source):
+    """The frames of a video file, all of them or, paced, those that are due.
+
+    pace: the film runs as on a screen; frames whose time passes while the reader is busy are
+        skipped and counted. loop: begin again at the end, stamps going on.
+
+    Raises SourceLost after the last readable frame of a file that announced many more.
+    """
+
+    def __init__(
+        self, path: Path, view: View | None = None, *, pace: bool = False, loop: bool = False
+    ) -> None:
+        super().__init__(str(path))
+        self._path, self._view = path, view or View()
+        self._pace, self._loop = pace, loop
+        self._clock = Clock()
+        self._lock = threading.Lock()  # OpenCV's readers must not be released while they read
+        self._film = self._open()
+        fps = self._film.get(cv2.CAP_PROP_FPS)
+        self._period_s = 1 / (fps if math.isfinite(fps) and 0 < fps <= 1000 else _ASSUMED_FPS)
+        count = self._film.get(cv2.CAP_PROP_FRAME_COUNT)
+        self._announced = int(count) if math.isfinite(count) and 0 < count < 1e9 else 0
+        self._number = 0
+        self._begun_s, self._last_s = 0.0, -self._period_s
+        self._pending: float | None = None
+
+    def _open(self) -> cv2.VideoCapture:
+        film = cv2.VideoCapture(str(self._path.resolve()), cv2.CAP_FFMPEG)
+        if not film.isOpened():
+            film.release()
+            raise UserError(
+                f"{self.name} cannot be opened as a video; expected a file that FFmpeg reads, whole"
+            )
+        return film
+
+    def read(self, timeout_s: float | None = None) -> Frame | None:
+        while not self.ended:
+            if self._pending is None:
+                self._pending = self._advance()
+            elif self._pace and not self._clock.wait_for(self._pending, timeout_s):
+                return None
+            elif self._pace and self._overdue(self._pending):
+                self.skipped += 1
+                self._pending = self._advance()
+            else:
+                stamp_s, self._pending = self._pending, None
+                image = self._picture()
+                if image is not None:
+                    self.frame_name = f"{self.name}#{self._number}"
+                    return self._view.frame(image, stamp_s)
+        return None
+
+    def _overdue(self, stamp_s: float) -> bool:
+        """Whether the next frame is due, too, so that this one may be skipped."""
+        late_s = self._clock.late_s(stamp_s)
+        if late_s < self._period_s:
+            return False
+        if late_s > _MOST_SKIPPED_S:
+            self._clock.delay(late_s)
+            return False
+        return not self._announced or self._number < self._announced
+
+    def _advance(self) -> float | None:
+        """Goes to the next frame and gives its stamp; None at the end of the film."""
+        with self._lock:
+            if self.ended:
+                return None
+            if not self._film.grab():
+                self._finish()
+                return None
+            self._number += 1
+            at_s = self._film.get(cv2.CAP_PROP_POS_MSEC) / 1000
+        # Some containers carry no times, and the times of others jump.
+        at_s = at_s if math.isfinite(at_s) and at_s > 0 else (self._number - 1) * self._period_s
+        self._last_s = max(self._begun_s + at_s, self._last_s + 1e-3)
+        return self._last_s
+
+    def _finish(self) -> None:
+        """After the last frame: begins again, ends, or says what is missing."""
+        self._film.release()
+        read = self._number
+        if read == 0 or read < _SHORT * self._announced - 2 or not self._loop:
+            self.ended = True
+            if read == 0:
+                raise UserError(f"{self.name} holds no frame that can be read; is it whole?")
+            if read < _SHORT * self._announced - 2:
+                raise SourceLost(
+                    f"{self.name} is damaged: {read} of {self._announced} frames could be read, "
+                    f"up to {self._last_s - self._begun_s:.1f} s"
+                )
+            return
+        self._begun_s, self._number = self._last_s + self._period_s, 0
+        self._film = self._open()
+
+    def _picture(self) -> NDArray[np.uint8] | None:
+        with self._lock:
+            done, image = (False, None) if self.ended else self._film.retrieve()
+        if not done or image is None:
+            self.damaged += 1
+            self.notice(f"{self.name}: frame {self._number} cannot be decoded")
+            return None
+        return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
+
+    def close(self) -> None:
+        self._clock.stop()
+        with self._lock:
+            self.ended = True
+            self._film.release()
