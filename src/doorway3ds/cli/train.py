@@ -35,6 +35,10 @@ def doornet(
         str | None,
         typer.Option(metavar="K/N", help="Keep fold K of N of the places for calibration."),
     ] = None,
+    report: Annotated[
+        int | None,
+        typer.Option(metavar="K", help="Keep fold K, too, from training and from calibration."),
+    ] = None,
     calibration: Annotated[
         Path | None,
         typer.Option(metavar="CARD", help="doornet.json of a held-out run, for one on everything."),
@@ -52,6 +56,7 @@ def doornet(
     import keras
     import torch
 
+    from doorway3ds.errors import CallError
     from doorway3ds.evaluate.datasets import parse_split
     from doorway3ds.train.recipe import read_recipe
     from doorway3ds.train.run import Teachers, train_doornet
@@ -59,6 +64,9 @@ def doornet(
     keras.config.set_image_data_format("channels_first")
     if threads:
         torch.set_num_threads(threads)
+    fold = parse_split(hold_out) if hold_out else None
+    if report is not None and (fold is None or not 1 <= report <= fold[1] or report - 1 == fold[0]):
+        raise CallError("--report is another fold of those that --hold-out K/N counts")
     chosen = read_recipe(recipe)
     if seed is not None:
         chosen = replace(chosen, fit=replace(chosen.fit, seed=seed))
@@ -67,7 +75,8 @@ def doornet(
         Teachers.in_folder(teachers),
         chosen,
         out,
-        hold_out=parse_split(hold_out) if hold_out else None,
+        hold_out=fold,
+        report=None if report is None else report - 1,
         calibration=calibration,
         resume=resume,
         command=shlex.join(["3ds", *sys.argv[1:]]),
@@ -76,3 +85,16 @@ def doornet(
         f"{out / 'doornet.onnx'}: {card['bytes'] / 1e6:.1f} MB, "
         f"ONNX Runtime and Keras differ by {card['parity']:.1e} of each output's largest value"
     )
+
+
+@app.command()
+def limits(
+    folder: Annotated[Path, typer.Argument(help="Folder of a training with --hold-out.")],
+    dataset: Annotated[Path, typer.Argument(help="Photographs with doorways.csv.")],
+    split: Annotated[str, typer.Option(metavar="K/N", help="The fold that was held out.")],
+) -> None:
+    """Choose the limits of the opening method for a trained doornet, on its held-out places."""
+    from doorway3ds.train.tune import tune_run
+
+    found = tune_run(folder, dataset, split, lambda line: typer.echo(line, err=True))
+    typer.echo(f"{folder / 'doornet.onnx'} now carries {found}")

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from doorway3ds.files import write_bytes
 from doorway3ds.train.doornet import CANONICAL_F_PX
 
 OUTPUTS = ("p_open", "score", "left", "right", "clear", "depth", "floor")
@@ -92,6 +93,18 @@ def export_onnx(
     difference = parity(wrapped, temporary)
     temporary.replace(path)
     return difference
+
+
+def set_thresholds(path: Path, thresholds: Mapping[str, Any]) -> None:
+    """Writes limits of the `opening` method into an exported file's metadata."""
+    import onnx
+
+    graph = onnx.load(str(path))
+    for entry in graph.metadata_props:
+        if entry.key == "doorway3ds":
+            values = {**json.loads(entry.value), "thresholds": thresholds}
+            entry.value = json.dumps(values, sort_keys=True)
+    write_bytes(path, graph.SerializeToString())
 
 
 class OnnxEncoder:

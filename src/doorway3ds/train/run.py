@@ -31,6 +31,10 @@ from doorway3ds.train.samples import (
 )
 from doorway3ds.train.teachers import add_depth, add_segments, describe
 
+# what the network's file says of itself; the card beside it says the rest
+_SHOWN = ("name", "date", "depth_error", "held_out", "pictures", "thresholds")
+_FASTDEPTH_ERROR = 0.16
+
 
 @dataclass(frozen=True)
 class Teachers:
@@ -85,15 +89,21 @@ def read_all(folders: Sequence[Path], teachers: Teachers, recipe: Recipe) -> lis
     return add_segments(samples, teachers.semantic, recipe.pseudo.segments)
 
 
-def split(samples: Sequence[Sample], fold: int, folds: int) -> tuple[list[Sample], list[Sample]]:
-    """Training and held-out samples: one fold of the places of each source."""
+def split(
+    samples: Sequence[Sample], fold: int, folds: int, report: int | None = None
+) -> tuple[list[Sample], list[Sample]]:
+    """Training and held-out samples: one fold of the places of each source.
+
+    report: a further fold that goes into neither.
+    """
     kept: list[Sample] = []
     held: list[Sample] = []
     for source in sorted({sample.source for sample in samples}):
         own = [sample for sample in samples if sample.source == source]
         of_place = place_folds((sample.place for sample in own), folds)
         for sample in own:
-            (held if of_place[sample.place] == fold else kept).append(sample)
+            if of_place[sample.place] != report:
+                (held if of_place[sample.place] == fold else kept).append(sample)
     return kept, held
 
 
@@ -145,17 +155,19 @@ def train_doornet(
     out: Path,
     *,
     hold_out: tuple[int, int] | None = None,
+    report: int | None = None,
     calibration: Path | None = None,
     resume: bool = False,
     command: str = "",
 ) -> dict[str, Any]:
     """Trains, calibrates, exports out/doornet.onnx; returns what the card says.
 
-    hold_out: (fold, folds) of places kept for calibration and evaluation. calibration: the
-    card of an earlier held-out run, for a training on everything.
+    hold_out: (fold, folds) of places kept for calibration and limits. report: a further fold
+    that is kept from everything, so that it can be reported on. calibration: the card of an
+    earlier held-out run, for a training on everything.
     """
     samples = read_all(folders, teachers, recipe)
-    kept, held = split(samples, *hold_out) if hold_out else (samples, [])
+    kept, held = split(samples, *hold_out, report) if hold_out else (samples, [])
     net = build_doornet(teachers.semantic, teachers.depth, recipe.network)
     fit(
         net,
@@ -166,11 +178,11 @@ def train_doornet(
         folder=out,
         resume=resume,
     )
-    found, errors = Calibration(), dict[str, Any]()
+    found, measured = Calibration(), dict[str, Any]()
     if held:
-        found, errors = calibrate(net, held)
+        found, measured = calibrate(net, held)
     elif calibration is not None:
-        found, errors = read_calibration(calibration)
+        found, measured = read_calibration(calibration)
     card: dict[str, Any] = {
         "name": "doornet",
         "date": datetime.date.today().isoformat(),
@@ -182,17 +194,21 @@ def train_doornet(
         },
         "places": len({s.place for s in kept}),
         "held_out": f"{hold_out[0] + 1}/{hold_out[1]}" if hold_out else None,
+        "kept_for_report": None
+        if report is None or not hold_out
+        else f"{report + 1}/{hold_out[1]}",
         "held_out_places": sorted({s.place for s in held}),
         "initialised_from": {
             "semantic": sha256(teachers.semantic),
             "depth": sha256(teachers.depth),
         },
         "calibration": asdict(found),
-        "depth_error": errors.get("depth_error", 0.16),
+        "depth_error": measured.get("depth_error", _FASTDEPTH_ERROR),
+        "thresholds": measured.get("thresholds", {}),
         "recipe": recipe.text,
     }
     path = out / "doornet.onnx"
-    shown = {key: card[key] for key in ("name", "date", "depth_error", "held_out", "pictures")}
+    shown = {key: card[key] for key in _SHOWN}
     card["parity"] = export_onnx(net.whole, path, calibration=found, metadata=shown)
     card["sha256"], card["bytes"] = sha256(path), path.stat().st_size
     write_bytes(out / "doornet.json", (json.dumps(card, indent=2) + "\n").encode())
@@ -200,10 +216,11 @@ def train_doornet(
 
 
 def read_calibration(path: Path) -> tuple[Calibration, dict[str, Any]]:
-    """Calibration and depth error from a card; UserError where the file is none."""
+    """Calibration, depth error and limits from a card; UserError where the file is none."""
     try:
         card = json.loads(path.read_text(encoding="utf-8"))
-        return Calibration(**card["calibration"]), {"depth_error": float(card["depth_error"])}
+        measured = {key: card[key] for key in ("depth_error", "thresholds")}
+        return Calibration(**card["calibration"]), measured
     except OSError as error:
         raise UserError(f"cannot read the card {path}: {error.strerror}") from error
     except (ValueError, KeyError, TypeError) as error:
