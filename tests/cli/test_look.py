@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -206,10 +207,23 @@ def test_ctrl_c_ends_quietly(cli: Cli) -> None:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
-    with Path("pipe.jpg").open("wb"):  # returns once the command has opened it for reading
-        process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=20)
+    writer = open_once_read(Path("pipe.jpg"), process)
+    time.sleep(0.3)  # a signal between opening and reading waits for the read to end
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=20)
+    os.close(writer)
     assert (process.returncode, out, err) == (130, b"", b"")
+
+
+def open_once_read(pipe: Path, process: subprocess.Popen[bytes]) -> int:
+    """Opens a named pipe for writing as soon as `process` reads from it."""
+    deadline = time.monotonic() + 20
+    while time.monotonic() < deadline and process.poll() is None:
+        try:
+            return os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)
+        except OSError:  # nobody reads yet
+            time.sleep(0.01)
+    raise AssertionError(f"{pipe} was never read: {process.communicate(timeout=1)}")
 
 
 @pytest.mark.skipif(os.name == "nt", reason="needs pipes that break")

@@ -68,7 +68,7 @@ def test_help_starts_without_heavy_modules(arguments: list[str]) -> None:
 def test_the_decision_needs_no_slow_imports(cli: Cli) -> None:
     code = (
         "import sys; from doorway3ds.cli.main import run; run(sys.argv[1:]);"
-        "slow = {'torch', 'keras', 'pooch', 'requests', 'rich', 'matplotlib', 'asyncio', 'onnx'};"
+        "slow = {'torch', 'keras', 'pooch', 'requests', 'matplotlib', 'asyncio', 'onnx'};"
         "sys.exit(', '.join(slow & set(sys.modules)) or 0)"
     )
     call = ["look", "photo.jpg", "--network", "net.onnx"]

@@ -10,7 +10,7 @@ from typing import IO
 
 
 class NativeErrors:
-    """Keeps file descriptor 2 from libjpeg and libpng, whose lines name no file.
+    """Keeps file descriptor 2 from libjpeg, libpng and OpenCV, whose lines name no file.
 
     Not for a process with other threads that write there.
     """

@@ -70,10 +70,6 @@ def look(
         if folder is not None:
             _make_folder(folder)
 
-    import cv2
-
-    # A damaged file's one line is ours; OpenCV would add several.
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     inputs, errors = expand(images)
     for message in errors:
         _complain(message)
