@@ -20,6 +20,16 @@ def test_platt_stays_finite_on_separable_data() -> None:
     assert p == pytest.approx(31 / 32, abs=1e-3)
 
 
+def test_platt_weighs_two_logits_and_leaves_a_misleading_one_out() -> None:
+    rng = np.random.default_rng(2)
+    logits = rng.normal(0, 3, (20_000, 2))
+    labels = rng.random(20_000) < 1 / (1 + np.exp(-(0.4 * logits[:, 0] + 0.8 * logits[:, 1] - 1)))
+    assert platt(logits, labels) == pytest.approx((0.4, 0.8, -1.0), abs=0.04)
+    scale, other, _ = platt(logits * [1, -1], labels)
+    assert other == 0.0
+    assert scale > 0.1
+
+
 def test_platt_leaves_few_labels_alone() -> None:
     assert platt(np.ones(12), np.r_[np.ones(3), np.zeros(9)]) == (1.0, 0.0)
 

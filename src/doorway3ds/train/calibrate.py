@@ -14,27 +14,35 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating[Any]]
 
 
-def platt(logits: Array, labels: Array, steps: int = 50) -> tuple[float, float]:
-    """(scale, shift) such that sigmoid(scale * logit + shift) is a probability.
+def platt(logits: Array, labels: Array, steps: int = 50) -> tuple[float, ...]:
+    """(scale, ..., shift) such that sigmoid(scale * logit + ... + shift) is a probability.
 
-    logits, labels: (N,), labels 0 or 1. The identity where there are fewer than ten of either.
+    logits: (N,) or (N, K) for K logits that speak of the same thing; labels: (N,), 0 or 1.
+    The mean of the logits where there are fewer than ten of either label. A scale below zero
+    is no calibration: that logit is left out.
     """
     labels = np.asarray(labels, float)
+    logits = np.asarray(logits, float).reshape(len(labels), -1)
+    count = logits.shape[1]
     positive, negative = labels.sum(), (1 - labels).sum()
     if min(positive, negative) < 10:
-        return 1.0, 0.0
+        return (*(1 / count for _ in range(count)), 0.0)
     target = np.where(labels > 0.5, (positive + 1) / (positive + 2), 1 / (negative + 2))
-    design = np.stack([np.asarray(logits, float), np.ones(len(labels))], axis=1)
-    weights = np.zeros(2)  # from here Newton steps do not overshoot
+    design = np.column_stack([logits, np.ones(len(labels))])
+    weights = np.zeros(count + 1)  # from here Newton steps do not overshoot
     for _ in range(steps):
         p = 1 / (1 + np.exp(-np.clip(design @ weights, -30, 30)))
         gradient = design.T @ (p - target)
-        hessian = design.T @ (design * (p * (1 - p))[:, None]) + 1e-6 * np.eye(2)
+        hessian = design.T @ (design * (p * (1 - p))[:, None]) + 1e-6 * np.eye(count + 1)
         step = np.linalg.solve(hessian, gradient)
         weights = weights - step * min(1.0, 5.0 / max(np.abs(step).max(), 1e-9))
         if np.abs(step).max() < 1e-8:
             break
-    return float(max(weights[0], 1e-3)), float(weights[1])
+    if count > 1 and (weights[:-1] < 0).any():
+        worst = int(np.argmin(weights[:-1]))
+        kept = list(platt(np.delete(logits, worst, axis=1), labels, steps))
+        return (*kept[:worst], 0.0, *kept[worst:])
+    return (*(float(max(scale, 0.0)) for scale in weights[:-1]), float(weights[-1]))
 
 
 def relative_depth_error(predicted: Array, true: Array) -> float:

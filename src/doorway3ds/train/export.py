@@ -19,9 +19,13 @@ OUTPUTS = ("p_open", "score", "left", "right", "clear", "depth", "floor")
 
 @dataclass(frozen=True)
 class Calibration:
-    """Affine maps of logits, fitted on validation places, so that sigmoids are probabilities."""
+    """Affine maps of logits, fitted on validation places, so that sigmoids are probabilities.
+
+    p_open is weighed with the best strip's score: what has no opening anywhere is not open.
+    """
 
     p_open_scale: float = 1.0
+    p_open_score_scale: float = 0.0
     p_open_shift: float = 0.0
     score_scale: float = 1.0
     score_shift: float = 0.0
@@ -38,7 +42,8 @@ def _wrapped(model: Any, calibration: Calibration) -> Any:
         def forward(self, image: Any) -> tuple[Any, ...]:
             found = dict(self.model(image, training=False))
             c = calibration
-            found["p_open"] = found["p_open"] * c.p_open_scale + c.p_open_shift
+            best = found["score"].amax(dim=1) * c.p_open_score_scale
+            found["p_open"] = found["p_open"] * c.p_open_scale + best + c.p_open_shift
             found["score"] = found["score"] * c.score_scale + c.score_shift
             return tuple(found[name] for name in OUTPUTS)
 

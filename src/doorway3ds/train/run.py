@@ -129,7 +129,8 @@ def calibrate(net: DoorNet, held: Sequence[Sample]) -> tuple[Calibration, dict[s
     answers = predict(net, [s for s in held if s.source != "rendered"] or held)
     told = [a for a in answers if a["sample"].open is not None]
     p_open = platt(
-        np.array([a["p_open"] for a in told]), np.array([a["sample"].open for a in told])
+        np.array([[a["p_open"], a["score"].max()] for a in told]),
+        np.array([a["sample"].open for a in told]),
     )
     # a strip's score is read at the best strip: is there an opening in that place?
     rooms = [a for a in told if a["sample"].source != "doors"] or told

@@ -193,7 +193,9 @@ def read_rendered(folder: Path) -> list[Sample]:
         image = _read(folder / "images" / name, cv2.IMREAD_COLOR)
         millimetres = _read(folder / "depth" / f"{stem}.png", cv2.IMREAD_UNCHANGED)
         floor = _read(folder / "floor" / f"{stem}.png", cv2.IMREAD_UNCHANGED)
-        depth = np.where(millimetres == 0, np.nan, millimetres / 1000.0).astype(np.float32)
+        # beyond 10 m lies what windows show: no network of this size need know how far
+        known = (millimetres > 0) & (millimetres < 10_000)
+        depth = np.where(known, millimetres / 1000.0, np.nan).astype(np.float32)
         height, width = image.shape[:2]
         focal = float(rows[0]["fx_px"])
         # only floor or not is known: everything else keeps its class unknown
