@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from doorway3ds.errors import UserError
+from doorway3ds.errors import CallError, UserError
 
 app = typer.Typer(no_args_is_help=True, help="Simulated homes: pictures with exact truth.")
 
@@ -16,10 +16,10 @@ def parse_size(text: str) -> tuple[int, int]:
     """'320x240' as (320, 240)."""
     parts = text.lower().split("x")
     if len(parts) != 2 or not all(p.isdigit() for p in parts):
-        raise UserError(f"--size must look like 320x240, got '{text}'")
+        raise CallError(f"--size must look like 320x240, got '{text}'")
     width, height = int(parts[0]), int(parts[1])
     if not (32 <= width <= 1024 and 32 <= height <= 768):
-        raise UserError(f"--size must be from 32x32 to 1024x768, got {text}")
+        raise CallError(f"--size must be from 32x32 to 1024x768, got {text}")
     return width, height
 
 
@@ -41,23 +41,28 @@ def render(
     from rich.progress import Progress
 
     from doorway3ds.sim.dataset import render_dataset
+    from doorway3ds.sim.sheet import write_contact_sheet
 
     pixels = parse_size(size)
     with Progress(console=Console(stderr=True)) as bar:
         task = bar.add_task("pictures", total=count)
         total = render_dataset(out, count, seed, pixels, workers, lambda n: bar.advance(task, n))
-    typer.echo(f"{total} pictures in {out}")
+    typer.echo(f"{total} pictures in {out}, some of them on {write_contact_sheet(out)}")
 
 
 @app.command()
 def view(
-    out: Annotated[Path, typer.Option(help="Picture to write; NAME.json and NAME.depth.png beside it.")],
+    out: Annotated[
+        Path, typer.Option(help="Picture to write; NAME.json and NAME.depth.png beside it.")
+    ],
     home: Annotated[int, typer.Option(min=0, help="Seed of the home.")],
     x: Annotated[float, typer.Option(help="Metres in the home's plan.")],
     y: Annotated[float, typer.Option(help="Metres in the home's plan.")],
     heading_deg: Annotated[float, typer.Option(help="0 looks along x, 90 along y.")],
     camera: Annotated[str, typer.Option(help="Camera preset.")] = "nao-v5-top",
-    pitch_deg: Annotated[float | None, typer.Option(help="Instead of the preset's; + is up.")] = None,
+    pitch_deg: Annotated[
+        float | None, typer.Option(help="Instead of the preset's; + is up.")
+    ] = None,
     size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of the picture.")] = "640x480",
 ) -> None:
     """Take one picture from a stated place."""

@@ -62,7 +62,9 @@ def carton(rng: Rng) -> Item:
     parts.append((rgb(0.78, 0.65, 0.45), box((0.05, d + 0.004, h + 0.004), (0, 0, h / 2))))
     if h < 0.3 and rng.random() < 0.4:
         h2 = h * 0.8
-        parts.append((brown, box((w * 0.8, d * 0.8, h2), (0.02, 0, h + h2 / 2)).moved((0, 0, 0), 12)))
+        parts.append(
+            (brown, box((w * 0.8, d * 0.8, h2), (0.02, 0, h + h2 / 2)).moved((0, 0, 0), 12))
+        )
         h += h2
     return Item("carton", (w, d, h), tuple(parts))
 
@@ -70,7 +72,11 @@ def carton(rng: Rng) -> Item:
 def suitcase(rng: Rng) -> Item:
     paint = vivid(rng)
     parts: list[Part] = [(paint, rounded_box((0.45, 0.26, 0.62), 0.05, (0, 0, 0.37)))]
-    parts += [("#202022", cylinder(0.03, 0.06, (sx * 0.18, sy * 0.08, 0))) for sx in (-1, 1) for sy in (-1, 1)]
+    parts += [
+        ("#202022", cylinder(0.03, 0.06, (sx * 0.18, sy * 0.08, 0)))
+        for sx in (-1, 1)
+        for sy in (-1, 1)
+    ]
     parts += [("#3a3a3c", rod((s * 0.1, 0, 0.68), (s * 0.1, 0, 1.0), 0.01)) for s in (-1, 1)]
     parts.append(("#3a3a3c", box((0.24, 0.03, 0.03), (0, 0, 1.0))))
     return Item("suitcase", (0.45, 0.26, 1.0), tuple(parts))
@@ -80,7 +86,10 @@ def bag(rng: Rng) -> Item:
     w, h = rng.uniform(0.25, 0.5), rng.uniform(0.25, 0.5)
     paint = cloth(rng)
     parts: list[Part] = [
-        (paint, lathe([(0.0, 0.0), (w / 2, 0.02), (w / 2.2, h * 0.5), (w / 4, h), (0, h)], squash=0.6))
+        (
+            paint,
+            lathe([(0.0, 0.0), (w / 2, 0.02), (w / 2.2, h * 0.5), (w / 4, h), (0, h)], squash=0.6),
+        )
     ]
     return Item("bag", (w, w * 0.6, h), tuple(parts))
 
@@ -119,9 +128,11 @@ def plant(rng: Rng) -> Item:
     else:
         parts.append(("#5a4430", cylinder(0.025, h * 0.6, (0, 0, pot - 0.05), 0.015)))
         for _ in range(int(rng.integers(5, 10))):
-            at = rng.normal(0, 0.14, 3) + (0, 0, pot + h * 0.75)
+            at = rng.normal(0, 0.14, 3) + np.array([0, 0, pot + h * 0.75])
             size = tuple(rng.uniform(0.1, 0.22, 3))
-            parts.append((rgb(*(np.array(green) * rng.uniform(0.6, 1.4))), ball(size, tuple(at), 8)))
+            parts.append(
+                (rgb(*(np.array(green) * rng.uniform(0.6, 1.4))), ball(size, tuple(at), 8))
+            )
     return Item("plant", (0.5, 0.5, pot + h), tuple(parts))
 
 
@@ -161,12 +172,16 @@ def toy(rng: Rng) -> Item:
     for _ in range(4):
         x, y = rng.uniform(-0.15, 0.15, 2)
         s = rng.uniform(0.05, 0.12)
-        parts.append((vivid(rng), box((s, s, s), (x, y, s / 2)).moved((0, 0, 0), rng.uniform(0, 90))))
+        parts.append(
+            (vivid(rng), box((s, s, s), (x, y, s / 2)).moved((0, 0, 0), rng.uniform(0, 90)))
+        )
     return Item("toy", (0.35, 0.35, 0.12), tuple(parts))
 
 
 def robot_cleaner(rng: Rng) -> Item:
-    return Item("cleaner", (0.34, 0.34, 0.09), ((grey(rng, 0.03, 0.9), cylinder(0.17, 0.09, n=20)),))
+    return Item(
+        "cleaner", (0.34, 0.34, 0.09), ((grey(rng, 0.03, 0.9), cylinder(0.17, 0.09, n=20)),)
+    )
 
 
 def drying_rack(rng: Rng) -> Item:
@@ -184,10 +199,33 @@ def drying_rack(rng: Rng) -> Item:
     return Item("rack", (1.0, 0.6, 0.96), tuple(parts))
 
 
-SMALL: tuple[Maker, ...] = (carton, carton, bag, bin_, basket, plant, plant, floor_lamp, stool, shoes,
-                            toy, robot_cleaner, suitcase)  # fmt: skip
-BLOCKERS: tuple[Maker, ...] = (carton, carton, suitcase, basket, plant, stool, person, drying_rack,
-                               bin_, bag)  # fmt: skip
+SMALL: tuple[Maker, ...] = (
+    carton,
+    carton,
+    bag,
+    bin_,
+    basket,
+    plant,
+    plant,
+    floor_lamp,
+    stool,
+    shoes,
+    toy,
+    robot_cleaner,
+    suitcase,
+)
+BLOCKERS: tuple[Maker, ...] = (
+    carton,
+    carton,
+    suitcase,
+    basket,
+    plant,
+    stool,
+    person,
+    drying_rack,
+    bin_,
+    bag,
+)
 
 
 def painting(rng: Rng) -> Item:
@@ -227,7 +265,9 @@ def coats(rng: Rng) -> Item:
         x = -0.3 + 0.2 * i
         if rng.random() < 0.6:
             drop = rng.uniform(0.5, 1.0)
-            parts.append((cloth(rng), rounded_box((0.28, 0.16, drop), 0.07, (x, 0.1, -drop / 2 + 0.04))))
+            parts.append(
+                (cloth(rng), rounded_box((0.28, 0.16, drop), 0.07, (x, 0.1, -drop / 2 + 0.04)))
+            )
     return Item("coats", (0.9, 0.2, 0.3), tuple(parts))
 
 
@@ -237,14 +277,18 @@ def radiator(rng: Rng, width: float) -> Item:
     parts: list[Part] = [("#ecebe6", box((width, 0.03, 0.5), (0, 0.05, 0.27)))]
     for i in range(n):
         x = -width / 2 + (i + 0.5) * width / n
-        parts.append(("#f4f3ee", rounded_box((width / n * 0.75, 0.03, 0.52), 0.012, (x, 0.08, 0.27), 1)))
+        parts.append(
+            ("#f4f3ee", rounded_box((width / n * 0.75, 0.03, 0.52), 0.012, (x, 0.08, 0.27), 1))
+        )
     return Item("radiator", (width, 0.1, 0.55), tuple(parts))
 
 
 def pendant(rng: Rng, drop: float) -> Item:
     """Hangs from the origin downwards."""
     r = rng.uniform(0.12, 0.28)
-    shade = lathe([(r, -drop), (r * 0.8, -drop + r * 0.5), (0.04, -drop + r * 0.9), (0.0, -drop + r * 0.9)])
+    shade = lathe(
+        [(r, -drop), (r * 0.8, -drop + r * 0.5), (0.04, -drop + r * 0.9), (0.0, -drop + r * 0.9)]
+    )
     parts: list[Part] = [
         ("#222222", rod((0, 0, 0), (0, 0, -drop + r * 0.9), 0.006, 6)),
         (vivid(rng) if rng.random() < 0.5 else "#f5efe0", shade),
@@ -255,14 +299,18 @@ def pendant(rng: Rng, drop: float) -> Item:
 
 def ceiling_disc(rng: Rng) -> Item:
     r = rng.uniform(0.12, 0.25)
-    return Item("disc", (2 * r, 2 * r, 0.08), (("!#fffaf0", cylinder(r * 0.9, 0.07, (0, 0, -0.07), r)),))
+    return Item(
+        "disc", (2 * r, 2 * r, 0.08), (("!#fffaf0", cylinder(r * 0.9, 0.07, (0, 0, -0.07), r)),)
+    )
 
 
 def poster(rng: Rng) -> Item:
     """A sheet without a frame."""
     w = float(rng.uniform(0.3, 0.8))
     h = w * float(rng.uniform(0.9, 1.5))
-    return Item("poster", (w, 0.01, h), ((f"painting{rng.integers(6)}", picture(w, h, (0, 0.006, 0))),))
+    return Item(
+        "poster", (w, 0.01, h), ((f"painting{rng.integers(6)}", picture(w, h, (0, 0.006, 0))),)
+    )
 
 
 WALL: tuple[Maker, ...] = (painting, painting, painting, poster, clock, shelf, shelf, coats)

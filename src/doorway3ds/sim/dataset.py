@@ -23,8 +23,22 @@ from doorway3ds.sim.truth import Plan, Truth, truth_of
 
 VIEWS = 10  # pictures of one home
 OPEN_SHARE = 0.56
-COLUMNS = ("image", "open", "left_px", "right_px", "clear", "confidence", "second", "home", "state",
-           "fx_px", "height_m", "pitch_deg", "range_m", "bearing_deg")  # fmt: skip
+COLUMNS = (
+    "image",
+    "open",
+    "left_px",
+    "right_px",
+    "clear",
+    "confidence",
+    "second",
+    "home",
+    "state",
+    "fx_px",
+    "height_m",
+    "pitch_deg",
+    "range_m",
+    "bearing_deg",
+)
 
 
 @dataclass(frozen=True)
@@ -38,8 +52,9 @@ class Shot:
     truth: Truth
 
 
-def take(renderer: Renderer, plan: Plan, camera: Camera, eye: Eye,
-         rng: np.random.Generator | None) -> Shot:  # fmt: skip
+def take(
+    renderer: Renderer, plan: Plan, camera: Camera, eye: Eye, rng: np.random.Generator | None
+) -> Shot:
     """Photograph a scene; without `rng` the sensor is ideal (no noise, automatic exposure)."""
     pinhole = sensor.pinhole_for(camera, renderer.limit)
     rgb, depth = sensor.distort(camera, pinhole, *renderer.draw(pinhole, eye))
@@ -53,8 +68,9 @@ def good(shot: Shot) -> bool:
     return bool(np.median(depth) > 0.75 and (depth < 0.35).mean() < 0.2)
 
 
-def shots(scene: Scene, renderer: Renderer, count: int, size: tuple[int, int],
-          seed: int) -> Iterator[Shot]:  # fmt: skip
+def shots(
+    scene: Scene, renderer: Renderer, count: int, size: tuple[int, int], seed: int
+) -> Iterator[Shot]:
     """`count` pictures of one home, about half with an open doorway."""
     rng = np.random.default_rng([0x54, seed, scene.home.seed])
     plan = Plan(scene.furnished)
@@ -77,30 +93,56 @@ def shots(scene: Scene, renderer: Renderer, count: int, size: tuple[int, int],
 def rows(shot: Shot, name: str) -> list[dict[str, Any]]:
     """The lines of doorways.csv for one picture."""
     pose, truth = shot.eye.pose, shot.truth
-    common = {"image": name, "home": "", "fx_px": round(shot.camera.fx, 3),
-              "height_m": round(pose.height_m or 0.0, 4), "pitch_deg": round(pose.pitch_deg, 3)}  # fmt: skip
+    common = {
+        "image": name,
+        "home": "",
+        "fx_px": round(shot.camera.fx, 3),
+        "height_m": round(pose.height_m or 0.0, 4),
+        "pitch_deg": round(pose.pitch_deg, 3),
+    }
     if not truth.openings:
         first = next((s for s in truth.states if s not in homes.OPEN_STATES), "blank")
-        return [{**common, "open": 0, "confidence": 1 if truth.glimpse else 3, "second": 0,
-                 "state": first}]  # fmt: skip
+        return [
+            {
+                **common,
+                "open": 0,
+                "confidence": 1 if truth.glimpse else 3,
+                "second": 0,
+                "state": first,
+            }
+        ]
     return [
-        {**common, "open": 1, "left_px": round(o.left_px, 2), "right_px": round(o.right_px, 2),
-         "clear": "" if o.clear is None else int(o.clear), "confidence": o.confidence,
-         "second": int(k > 0), "state": o.state, "range_m": round(o.range_m, 4),
-         "bearing_deg": round(o.bearing_deg, 4)}
+        {
+            **common,
+            "open": 1,
+            "left_px": round(o.left_px, 2),
+            "right_px": round(o.right_px, 2),
+            "clear": "" if o.clear is None else int(o.clear),
+            "confidence": o.confidence,
+            "second": int(k > 0),
+            "state": o.state,
+            "range_m": round(o.range_m, 4),
+            "bearing_deg": round(o.bearing_deg, 4),
+        }
         for k, o in enumerate(truth.openings)
-    ]  # fmt: skip
+    ]
 
 
 def truth_object(shot: Shot, name: str, home: int) -> dict[str, Any]:
     """Everything about one picture as JSON values."""
     camera = {k: v for k, v in asdict(shot.camera).items() if k != "assumed"}
     return {
-        "image": name, "home": home, "camera": camera, "pose": asdict(shot.eye.pose),
-        "x_m": shot.eye.x, "y_m": shot.eye.y, "heading_deg": shot.eye.heading_deg,
+        "image": name,
+        "home": home,
+        "camera": camera,
+        "pose": asdict(shot.eye.pose),
+        "x_m": shot.eye.x,
+        "y_m": shot.eye.y,
+        "heading_deg": shot.eye.heading_deg,
         "openings": [asdict(o) for o in shot.truth.openings],
-        "glimpse": shot.truth.glimpse, "in_view": list(shot.truth.states),
-    }  # fmt: skip
+        "glimpse": shot.truth.glimpse,
+        "in_view": list(shot.truth.states),
+    }
 
 
 def write_depth(path: Path, depth: NDArray[np.float32], effort: int = 1) -> None:
@@ -170,15 +212,24 @@ def render_home(job: Job) -> int:
     return len(objects)
 
 
-def render_dataset(out: Path, count: int, seed: int, size: tuple[int, int] = (320, 240),
-                   workers: int = 2, progress: Callable[[int], None] = lambda done: None) -> int:  # fmt: skip
+def render_dataset(
+    out: Path,
+    count: int,
+    seed: int,
+    size: tuple[int, int] = (320, 240),
+    workers: int = 2,
+    progress: Callable[[int], None] = lambda done: None,
+) -> int:
     """Render what is missing of `count` pictures into `out`; returns how many there are."""
     for folder in ("images", "depth", "floor", "homes"):
         (out / folder).mkdir(parents=True, exist_ok=True)
-    jobs = [Job(seed * 100_000 + i, i * VIEWS, min(VIEWS, count - i * VIEWS), size, seed, out)
-            for i in range(-(-count // VIEWS))]  # fmt: skip
+    jobs = [
+        Job(seed * 100_000 + i, i * VIEWS, min(VIEWS, count - i * VIEWS), size, seed, out)
+        for i in range(-(-count // VIEWS))
+    ]
     missing = [job for job in jobs if not job.shard.exists()]
     progress(sum(job.count for job in jobs if job not in missing))
+    open_context().free()  # a worker without OpenGL would be started again and again
     context = multiprocessing.get_context("spawn")
     with context.Pool(workers, initializer=_start_worker, maxtasksperchild=40) as pool:
         for done in pool.imap_unordered(render_home, missing):

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from doorway3ds.sim import clutter
-from doorway3ds.sim.furniture import ROOMS, Item
+from doorway3ds.sim.furniture import Item
 from doorway3ds.sim.homes import Home, Portal, Room
+from doorway3ds.sim.inventory import ROOMS
 
 Rng = np.random.Generator
 Rect = tuple[float, float, float, float]  # x0, y0, x1, y1
@@ -74,9 +75,7 @@ def footprint(item: Item, x: float, y: float, yaw_deg: float) -> Rect:
 
 
 def overlap(a: Rect, b: Rect, gap: float = 0.0) -> bool:
-    return (
-        a[0] < b[2] + gap and b[0] < a[2] + gap and a[1] < b[3] + gap and b[1] < a[3] + gap
-    )
+    return a[0] < b[2] + gap and b[0] < a[2] + gap and a[1] < b[3] + gap and b[1] < a[3] + gap
 
 
 def doormat(portal: Portal, wall: float, side: int) -> Rect:
@@ -153,7 +152,9 @@ class _Room:
                 return True
         return False
 
-    def inside(self, item: Item, tries: int = 10, mats: bool = True, yaw: float | None = None) -> bool:
+    def inside(
+        self, item: Item, tries: int = 10, mats: bool = True, yaw: float | None = None
+    ) -> bool:
         x0, y0, x1, y1 = self.inner
         for _ in range(tries):
             turn = float(self.rng.choice([0, 90, 180, 270])) if yaw is None else yaw
@@ -168,7 +169,9 @@ def _decorate(space: _Room, rng: Rng, mirrors_left: int) -> tuple[list[Placed], 
     hung: list[Placed] = []
     mirrors: list[Mirror] = []
     room = space.room
-    want_mirror = {"bath": 0.8, "corridor": 0.5, "bedroom": 0.45, "living": 0.25}.get(room.kind, 0.1)
+    want_mirror = {"bath": 0.8, "corridor": 0.5, "bedroom": 0.45, "living": 0.25}.get(
+        room.kind, 0.1
+    )
     for side in range(4):
         lo, hi, _ = space.along(side)
         used = [(p.at, p.width / 2 + 0.12, p.sill - 0.1) for p in space.holes[side]]
@@ -196,9 +199,7 @@ def _decorate(space: _Room, rng: Rng, mirrors_left: int) -> tuple[list[Placed], 
             used.append((along, width / 2 + 0.06, 0.0))
             if item is None:
                 x, y = space.at_wall(side, along, 0.03)
-                mirrors.append(
-                    Mirror(x, y, middle, YAW_OF_SIDE[side], width, height, room.index)
-                )
+                mirrors.append(Mirror(x, y, middle, YAW_OF_SIDE[side], width, height, room.index))
                 want_mirror /= 3
             else:
                 hung.append(Placed(item, x, y, YAW_OF_SIDE[side], room.index, middle))
@@ -226,7 +227,7 @@ def furnish(home: Home) -> Furnished:
     full = rng.uniform(0.65, 1.35)
     for room in home.rooms:
         space = _Room(home, room, rng)
-        for maker, chance, wall in ROOMS[room.kind]:
+        for maker, chance, wall in ROOMS.get(room.kind, ()):
             if rng.random() < chance * full:
                 item = maker(rng)
                 if wall:
@@ -250,9 +251,16 @@ def furnish(home: Home) -> Furnished:
         standing += space.placed
         for x, y in room.lamps:
             low = rng.random() < 0.35 and room.kind not in ("bath", "corridor", "store")
-            lamp = clutter.pendant(rng, float(rng.uniform(0.4, 0.8))) if low else clutter.ceiling_disc(rng)
+            lamp = (
+                clutter.pendant(rng, float(rng.uniform(0.4, 0.8)))
+                if low
+                else clutter.ceiling_disc(rng)
+            )
             hung.append(Placed(lamp, x, y, 0.0, room.index, home.ceiling_m))
-        if room.kind in ("living", "bedroom", "dining", "corridor", "office") and rng.random() < 0.5:
+        if (
+            room.kind in ("living", "bedroom", "dining", "corridor", "office")
+            and rng.random() < 0.5
+        ):
             w = (room.x1 - room.x0) * rng.uniform(0.3, 0.6)
             d = (room.y1 - room.y0) * rng.uniform(0.3, 0.6)
             cx, cy = room.centre
@@ -264,11 +272,17 @@ def furnish(home: Home) -> Furnished:
             side = 1 if portal.rooms[1] == index else -1
             if portal.sill > 0.5 and rng.random() < 0.6:
                 x, y = portal.point(0.0, side * home.wall_m / 2)
-                yaw = (-90.0 if side > 0 else 90.0) if portal.axis == 0 else (0.0 if side > 0 else 180.0)
+                yaw = (
+                    (-90.0 if side > 0 else 90.0)
+                    if portal.axis == 0
+                    else (0.0 if side > 0 else 180.0)
+                )
                 unit = clutter.radiator(rng, min(portal.width, 1.2))
                 rect = footprint(unit, x, y, yaw)
                 if not any(overlap(rect, footprint(p.item, p.x, p.y, p.yaw_deg)) for p in standing):
                     hung.append(Placed(unit, x, y, yaw, index, 0.12))
             if rng.random() < 0.55:
                 curtains.append((portal, index))
-    return Furnished(home, tuple(standing), tuple(hung), tuple(mirrors), tuple(rugs), tuple(curtains))
+    return Furnished(
+        home, tuple(standing), tuple(hung), tuple(mirrors), tuple(rugs), tuple(curtains)
+    )

@@ -13,7 +13,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from doorway3ds.sim.mesh import Mesh, ball, box, cylinder, lathe, rod, rounded_box, sheet
+from doorway3ds.sim.mesh import (
+    Mesh,
+    ball,
+    box,
+    cylinder,
+    lathe,
+    rod,
+    rotation_x,
+    rounded_box,
+    sheet,
+)
 
 Rng = np.random.Generator
 Part = tuple[str, Mesh]
@@ -29,7 +39,12 @@ class Item:
     parts: tuple[Part, ...]
 
 
-def picture(width: float, height: float, centre: tuple[float, float, float], flat: bool = False) -> Mesh:
+Maker = Callable[[Rng], Item]
+
+
+def picture(
+    width: float, height: float, centre: tuple[float, float, float], flat: bool = False
+) -> Mesh:
     """A panel facing +y (or up) with uv 0..1."""
     up = Y if flat else Z
     normal = Z if flat else Y
@@ -65,7 +80,9 @@ def cloth(rng: Rng) -> str:
     return f"fabric{rng.integers(4)}"
 
 
-def legs(paint: str, w: float, d: float, h: float, r: float = 0.02, inset: float = 0.05) -> list[Part]:
+def legs(
+    paint: str, w: float, d: float, h: float, r: float = 0.02, inset: float = 0.05
+) -> list[Part]:
     return [
         (paint, box((2 * r, 2 * r, h), (sx * (w / 2 - inset), sy * (d / 2 - inset), h / 2)))
         for sx in (-1, 1)
@@ -123,7 +140,9 @@ def dresser(rng: Rng) -> Item:
     w, d, h = rng.uniform(0.45, 1.4), rng.uniform(0.38, 0.5), rng.uniform(0.45, 1.1)
     paint = body_paint(rng)
     parts: list[Part] = [(paint, box((w, d, h - 0.06), (0, 0, 0.06 + (h - 0.06) / 2)))]
-    parts += fronts(rng, paint, w, d / 2, 0.08, h - 0.03, 1 if w < 0.8 else 2, max(2, round(h / 0.25)))
+    parts += fronts(
+        rng, paint, w, d / 2, 0.08, h - 0.03, 1 if w < 0.8 else 2, max(2, round(h / 0.25))
+    )
     parts += on_top(rng, w, d, h)
     return Item("dresser", (w, d, h), tuple(parts))
 
@@ -136,7 +155,13 @@ def on_top(rng: Rng, w: float, d: float, h: float) -> list[Part]:
         kind = rng.random()
         if kind < 0.3:
             r = rng.uniform(0.04, 0.09)
-            profile = [(0.0, 0.0), (r * 0.6, 0.0), (r, r * 1.2), (r * 0.35, r * 2.6), (r * 0.5, r * 3)]
+            profile = [
+                (0.0, 0.0),
+                (r * 0.6, 0.0),
+                (r, r * 1.2),
+                (r * 0.35, r * 2.6),
+                (r * 0.5, r * 3),
+            ]
             out.append((vivid(rng), lathe(profile, (x, y, h))))
         elif kind < 0.55:
             for k in range(int(rng.integers(1, 5))):
@@ -154,8 +179,11 @@ def on_top(rng: Rng, w: float, d: float, h: float) -> list[Part]:
 def table(rng: Rng, w: float, d: float, h: float) -> list[Part]:
     paint = body_paint(rng)
     if rng.random() < 0.2 and abs(w - d) < 0.4:
-        return [(paint, cylinder(w / 2, 0.03, (0, 0, h - 0.03), n=24)),
-                (paint, cylinder(0.05, h - 0.03)), (paint, cylinder(w * 0.28, 0.03))]  # fmt: skip
+        return [
+            (paint, cylinder(min(w, d) / 2, 0.03, (0, 0, h - 0.03), n=24)),
+            (paint, cylinder(0.05, h - 0.03)),
+            (paint, cylinder(w * 0.28, 0.03)),
+        ]
     leg = paint if rng.random() < 0.6 else grey(rng, 0.05, 0.4)
     out: list[Part] = [(paint, rounded_box((w, d, 0.035), 0.008, (0, 0, h - 0.0175), 1))]
     return out + legs(leg, w, d, h - 0.03, rng.uniform(0.015, 0.035))
@@ -169,13 +197,22 @@ def chair(rng: Rng) -> Item:
     parts: list[Part] = legs(frame, w, w, seat, 0.017, 0.03)
     parts.append((pad, rounded_box((w, w, 0.05), 0.015, (0, 0, seat))))
     for sx in (-1, 1):
-        parts.append((frame, box((0.03, 0.03, back - seat), (sx * (w / 2 - 0.03), -w / 2 + 0.02,
-                                                             (back + seat) / 2))))  # fmt: skip
+        parts.append(
+            (
+                frame,
+                box(
+                    (0.03, 0.03, back - seat),
+                    (sx * (w / 2 - 0.03), -w / 2 + 0.02, (back + seat) / 2),
+                ),
+            )
+        )
     if rng.random() < 0.5:
         parts.append((pad, box((w - 0.05, 0.025, 0.3), (0, -w / 2 + 0.02, back - 0.16))))
     else:
         for k in range(3):
-            parts.append((frame, box((w - 0.05, 0.02, 0.045), (0, -w / 2 + 0.02, back - 0.03 - 0.13 * k))))
+            parts.append(
+                (frame, box((w - 0.05, 0.02, 0.045), (0, -w / 2 + 0.02, back - 0.03 - 0.13 * k)))
+            )
     return Item("chair", (w, w, back), tuple(parts))
 
 
@@ -189,7 +226,10 @@ def office_chair(rng: Rng) -> Item:
     ]
     for a in np.arange(5) * 2 * np.pi / 5:
         tip = (0.3 * float(np.cos(a)), 0.3 * float(np.sin(a)), 0.05)
-        parts += [(dark, rod((0, 0, 0.09), tip, 0.018, 6)), (dark, ball((0.03, 0.03, 0.03), tip, 6))]
+        parts += [
+            (dark, rod((0, 0, 0.09), tip, 0.018, 6)),
+            (dark, ball((0.03, 0.03, 0.03), tip, 6)),
+        ]
     return Item("office_chair", (0.6, 0.6, 1.1), tuple(parts))
 
 
@@ -250,7 +290,10 @@ def sofa(rng: Rng, seats: int | None = None) -> Item:
     paint = cloth(rng)
     parts: list[Part] = [
         (paint, rounded_box((w, d - 0.05, 0.26), 0.04, (0, 0, 0.21))),
-        (paint, rounded_box((w - 0.02, 0.22, h - 0.1), 0.07, (0, -d / 2 + 0.12, 0.1 + (h - 0.1) / 2))),
+        (
+            paint,
+            rounded_box((w - 0.02, 0.22, h - 0.1), 0.07, (0, -d / 2 + 0.12, 0.1 + (h - 0.1) / 2)),
+        ),
     ]
     for s in (-1, 1):
         parts.append((paint, rounded_box((arm, d, 0.5), 0.06, (s * (w - arm) / 2, 0, 0.33))))
@@ -259,16 +302,12 @@ def sofa(rng: Rng, seats: int | None = None) -> Item:
         parts.append((paint, rounded_box((sw - 0.01, d - 0.26, 0.17), 0.05, (x, 0.1, 0.4))))
         parts.append((paint, rounded_box((sw - 0.03, 0.18, 0.42), 0.07, (x, -d / 2 + 0.29, 0.64))))
         if rng.random() < 0.45:
-            cushion = rounded_box((0.4, 0.14, 0.38), 0.065).turned(_tilt(rng.uniform(-25, -10)))
+            cushion = rounded_box((0.4, 0.14, 0.38), 0.065).turned(
+                rotation_x(rng.uniform(-25, -10))
+            )
             parts.append((cloth(rng), cushion.moved((x + rng.normal(0, 0.1), -d / 2 + 0.45, 0.66))))
     parts += legs("#2a2018", w, d, 0.1, 0.02, 0.08)
     return Item("sofa" if n > 1 else "armchair", (w, d, h), tuple(parts))
-
-
-def _tilt(angle_deg: float) -> np.ndarray:
-    from doorway3ds.sim.mesh import rotation_x
-
-    return rotation_x(angle_deg)
 
 
 def armchair(rng: Rng) -> Item:
@@ -294,103 +333,3 @@ def tv_unit(rng: Rng) -> Item:
         ("#151516", box((0.3, 0.2, 0.1), (0, -0.05, h + 0.05))),
     ]
     return Item("tv", (w, d, h + th + 0.1), tuple(parts))
-
-
-def kitchen(rng: Rng) -> Item:
-    w, d = rng.uniform(1.8, 3.2), 0.62
-    paint, top = body_paint(rng), grey(rng, 0.1, 0.9) if rng.random() < 0.6 else f"wood{rng.integers(3)}"
-    n = round(w / 0.6)
-    parts: list[Part] = [
-        ("#2b2b2b", box((w, d - 0.1, 0.1), (0, -0.05, 0.05))),
-        (paint, box((w, d - 0.03, 0.76), (0, -0.015, 0.48))),
-        (top, box((w + 0.02, d + 0.02, 0.04), (0, 0, 0.88))),
-        ("#1c1c1e", box((0.56, 0.48, 0.01), (w / 4, 0, 0.905))),
-        ("#9da0a3", box((0.5, 0.4, 0.012), (-w / 4, 0, 0.902))),
-        ("#c8cacc", rod((-w / 4, -0.22, 0.9), (-w / 4, -0.22, 1.18), 0.012)),
-        ("#c8cacc", rod((-w / 4, -0.22, 1.18), (-w / 4, -0.02, 1.14), 0.012)),
-    ]
-    parts += fronts(rng, paint, w, d / 2 - 0.03, 0.11, 0.85, n, 1)
-    if rng.random() < 0.75:
-        parts.append((paint, box((w, 0.33, 0.68), (0, -d / 2 + 0.165, 1.76))))
-        parts += fronts(rng, paint, w, -d / 2 + 0.33, 1.43, 2.09, n, 1)
-    parts.append(("#111113", box((0.55, 0.015, 0.42), (w / 4, d / 2, 0.5))))
-    parts += [(p, m.moved((0, -0.1, 0))) for p, m in on_top(rng, w, d, 0.9)]
-    return Item("kitchen", (w, d, 2.1), tuple(parts))
-
-
-def fridge(rng: Rng) -> Item:
-    w, d, h = 0.6, 0.64, rng.uniform(1.4, 2.0)
-    paint = grey(rng, 0.55, 0.97)
-    cut = h * rng.choice([0.35, 0.68])
-    parts: list[Part] = [(paint, box((w, d - 0.05, h), (0, -0.025, h / 2)))]
-    for z0, z1 in ((0.04, cut), (cut + 0.01, h)):
-        parts.append((paint, rounded_box((w, 0.05, z1 - z0), 0.02, (0, d / 2 - 0.025, (z0 + z1) / 2))))
-        parts.append(("#77797c", box((0.02, 0.03, 0.3), (w / 2 - 0.05, d / 2 + 0.01, z1 - 0.2 if z1 == cut else z0 + 0.2))))  # fmt: skip  # noqa: E501
-    return Item("fridge", (w, d, h), tuple(parts))
-
-
-def washer(rng: Rng) -> Item:
-    ring = lathe([(0.13, 0.0), (0.2, 0.0), (0.2, 0.03), (0.13, 0.03)], n=20).turned(_tilt(-90))
-    glass = cylinder(0.13, 0.02, n=20).turned(_tilt(-90))
-    parts: list[Part] = [
-        (grey(rng, 0.85, 0.97), rounded_box((0.6, 0.56, 0.85), 0.015, (0, 0, 0.425), 1)),
-        ("#b7babd", ring.moved((0, 0.28, 0.42))),
-        ("#15181c", glass.moved((0, 0.285, 0.42))),
-        ("#d5d8da", box((0.58, 0.01, 0.1), (0, 0.284, 0.77))),
-    ]
-    return Item("washer", (0.6, 0.6, 0.85), tuple(parts))
-
-
-def bathtub(rng: Rng) -> Item:
-    w, d, h = rng.uniform(1.5, 1.8), 0.75, 0.56
-    white = "#f0f0ee"
-    parts: list[Part] = [
-        (white, box((w, 0.06, h), (0, s * (d / 2 - 0.03), h / 2))) for s in (-1, 1)
-    ]
-    parts += [(white, box((0.08, d, h), (s * (w / 2 - 0.04), 0, h / 2))) for s in (-1, 1)]
-    parts.append((white, box((w, d, 0.15), (0, 0, 0.075))))
-    if rng.random() < 0.5:
-        parts.append(("curtain", box((w * 0.5, 0.03, 1.6), (w * 0.2, d / 2 - 0.03, 1.2))))
-    return Item("bathtub", (w, d, h), tuple(parts))
-
-
-def toilet(rng: Rng) -> Item:
-    white = "#f2f2f0"
-    bowl = lathe([(0.1, 0.0), (0.12, 0.1), (0.17, 0.36), (0.19, 0.4), (0.19, 0.43), (0.0, 0.43)], squash=1.25)
-    parts: list[Part] = [
-        (white, bowl.moved((0, 0.08, 0))),
-        (white, rounded_box((0.38, 0.18, 0.38), 0.03, (0, -0.24, 0.6))),
-        (white, box((0.2, 0.3, 0.38), (0, -0.15, 0.19))),
-    ]
-    return Item("toilet", (0.4, 0.66, 0.8), tuple(parts))
-
-
-def basin(rng: Rng) -> Item:
-    w = rng.uniform(0.5, 0.9)
-    paint = body_paint(rng)
-    parts: list[Part] = [
-        (paint, box((w, 0.44, 0.6), (0, 0, 0.5))),
-        ("#f4f4f2", rounded_box((w + 0.02, 0.48, 0.1), 0.03, (0, 0, 0.83))),
-        ("#b9bcc0", rod((0, -0.18, 0.86), (0, -0.18, 1.02), 0.014)),
-        ("#b9bcc0", rod((0, -0.18, 1.02), (0, -0.04, 1.0), 0.012)),
-    ]
-    parts += fronts(rng, paint, w, 0.22, 0.22, 0.78, 2, 1)
-    return Item("basin", (w, 0.5, 0.9), tuple(parts))
-
-
-Maker = Callable[[Rng], Item]
-# (maker, how often, whether it stands with its back to a wall)
-ROOMS: dict[str, tuple[tuple[Maker, float, bool], ...]] = {
-    "living": ((sofa, 1.0, True), (tv_unit, 0.85, True), (bookshelf, 0.7, True), (armchair, 0.6, True),
-               (dresser, 0.5, True), (coffee_table, 0.75, False), (bookshelf, 0.3, True), (desk, 0.2, True)),
-    "bedroom": ((bed, 1.0, True), (wardrobe, 0.9, True), (dresser, 0.7, True), (dresser, 0.5, True),
-                (desk, 0.35, True), (chair, 0.4, True), (bookshelf, 0.3, True)),
-    "kitchen": ((kitchen, 1.0, True), (fridge, 0.9, True), (dining, 0.55, False), (washer, 0.3, True),
-                (kitchen, 0.3, True), (bookshelf, 0.15, True)),
-    "bath": ((basin, 1.0, True), (toilet, 0.9, True), (bathtub, 0.6, True), (washer, 0.5, True)),
-    "office": ((desk, 1.0, True), (bookshelf, 0.9, True), (bookshelf, 0.5, True), (dresser, 0.4, True),
-               (armchair, 0.35, True), (desk, 0.3, True), (wardrobe, 0.2, True)),
-    "dining": ((dining, 1.0, False), (dresser, 0.8, True), (bookshelf, 0.4, True)),
-    "corridor": ((dresser, 0.35, True), (bookshelf, 0.2, True)),
-    "store": ((bookshelf, 0.9, True), (washer, 0.4, True), (wardrobe, 0.3, True)),
-}  # fmt: skip

@@ -7,6 +7,7 @@ rectangles between wall centre lines; a wall is `Home.wall_m` thick.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -126,9 +127,9 @@ class Home:
         return out
 
 
-def _split(rng: Rng, rect: tuple[float, float, float, float], least: float, depth: int) -> list[
-    tuple[float, float, float, float]
-]:
+def _split(
+    rng: Rng, rect: tuple[float, float, float, float], least: float, depth: int
+) -> list[tuple[float, float, float, float]]:
     x0, y0, x1, y1 = rect
     w, h = x1 - x0, y1 - y0
     if depth == 0 or max(w, h) < 2 * least + 0.3 or (w * h < 14 and rng.random() < 0.6):
@@ -156,7 +157,7 @@ def _rectangles(rng: Rng) -> tuple[list[tuple[float, float, float, float]], int]
         parts = int(np.clip(round(width / rng.uniform(2.8, 4.6)), 2, 4))
         cuts = np.cumsum(rng.uniform(0.8, 1.4, parts))
         xs = np.concatenate([[0.0], cuts / cuts[-1] * width])
-        strips += [(float(a), y0, float(b), y1) for a, b in zip(xs[:-1], xs[1:], strict=True)]
+        strips += [(float(a), y0, float(b), y1) for a, b in pairwise(xs)]
     rects = [(0.0, low, end, low + corridor), *strips]
     if end < width:
         rects.append((end, low, width, low + corridor))
@@ -200,8 +201,12 @@ def _shared(a: Room, b: Room) -> tuple[int, float, float, float, tuple[int, int]
     return None
 
 
-def _door(rng: Rng, wall: tuple[int, float, float, float, tuple[int, int]], kinds: tuple[str, str],
-          ceiling: float) -> Portal:  # fmt: skip
+def _door(
+    rng: Rng,
+    wall: tuple[int, float, float, float, tuple[int, int]],
+    kinds: tuple[str, str],
+    ceiling: float,
+) -> Portal:
     axis, at_wall, lo, hi, rooms = wall
     span = hi - lo - 0.36
     social = {"living", "dining", "kitchen", "corridor"}
@@ -229,13 +234,25 @@ def _door(rng: Rng, wall: tuple[int, float, float, float, tuple[int, int]], kind
         at = near + np.sign((lo + hi) / 2 - near) * (0.18 + width / 2 + rng.uniform(0.05, 0.35))
     else:
         at = rng.uniform(lo + 0.18 + width / 2, hi - 0.18 - width / 2 + 1e-6)
-    return Portal(axis, at_wall, float(at), width, 0.0, height, rooms, state,
-                  hinge=int(rng.choice([-1, 1])), swing=int(rng.choice([-1, 1])),
-                  angle_deg=angle, style=int(rng.integers(6)))  # fmt: skip
+    return Portal(
+        axis,
+        at_wall,
+        float(at),
+        width,
+        0.0,
+        height,
+        rooms,
+        state,
+        hinge=int(rng.choice([-1, 1])),
+        swing=int(rng.choice([-1, 1])),
+        angle_deg=angle,
+        style=int(rng.integers(6)),
+    )
 
 
-def _windows(rng: Rng, rooms: list[Room], bounds: tuple[float, float, float, float],
-             ceiling: float) -> list[Portal]:  # fmt: skip
+def _windows(
+    rng: Rng, rooms: list[Room], bounds: tuple[float, float, float, float], ceiling: float
+) -> list[Portal]:
     out = []
     balcony_done = False
     for room in rooms:
@@ -252,27 +269,52 @@ def _windows(rng: Rng, rooms: list[Room], bounds: tuple[float, float, float, flo
             if room.kind == "living" and span > 1.9 and not balcony_done and rng.random() < 0.6:
                 balcony_done = True
                 state = "sliding_open" if rng.random() < 0.6 else "sliding_closed"
-                out.append(Portal(axis, wall, (lo + hi) / 2, float(min(span, rng.uniform(1.7, 2.6))),
-                                  0.0, float(min(2.25, ceiling - 0.15)), pair, state,
-                                  hinge=int(rng.choice([-1, 1]))))  # fmt: skip
+                out.append(
+                    Portal(
+                        axis,
+                        wall,
+                        (lo + hi) / 2,
+                        float(min(span, rng.uniform(1.7, 2.6))),
+                        0.0,
+                        float(min(2.25, ceiling - 0.15)),
+                        pair,
+                        state,
+                        hinge=int(rng.choice([-1, 1])),
+                    )
+                )
                 continue
             if rng.random() > (0.35 if room.kind == "corridor" else 0.72) or span < 0.5:
                 continue
             width = float(rng.uniform(0.5, min(span, 2.2)))
-            sill = float(rng.choice([0.15, 0.45, 0.8, 0.9, 1.0])) + (0.4 if room.kind == "bath" else 0)
+            sill = float(rng.choice([0.15, 0.45, 0.8, 0.9, 1.0])) + (
+                0.4 if room.kind == "bath" else 0
+            )
             if sill < 0.5 and rng.random() < 0.6:
                 sill = 0.9
             at = rng.uniform(lo + 0.35 + width / 2, hi - 0.35 - width / 2 + 1e-6)
             top = float(min(rng.uniform(2.0, 2.3), ceiling - 0.1))
-            out.append(Portal(axis, wall, float(at), width, sill, top, pair, "window",
-                              style=int(rng.integers(4))))  # fmt: skip
+            out.append(
+                Portal(
+                    axis,
+                    wall,
+                    float(at),
+                    width,
+                    sill,
+                    top,
+                    pair,
+                    "window",
+                    style=int(rng.integers(4)),
+                )
+            )
     return out
 
 
 def _lit(rng: Rng, room: Room, day: bool) -> Room:
     """Brightness, colour of light and lamps of one room."""
     on = rng.random() < (0.55 if day else 0.85)
-    level = rng.uniform(0.8, 1.0) if on else rng.uniform(0.45, 0.8) if day else rng.uniform(0.12, 0.3)
+    level = (
+        rng.uniform(0.8, 1.0) if on else rng.uniform(0.45, 0.8) if day else rng.uniform(0.12, 0.3)
+    )
     warm = rng.uniform(0.0, 0.22) if on else rng.uniform(-0.08, 0.04)
     light = (level, level * (1 - 0.45 * warm), level * (1 - warm))
     nx = 2 if room.x1 - room.x0 > 5 else 1
@@ -285,7 +327,7 @@ def _lit(rng: Rng, room: Room, day: bool) -> Room:
         for i in range(nx)
         for j in range(ny)
     )
-    return replace(room, light=tuple(float(min(1.0, max(0.0, v))) for v in light), lamps=lamps)
+    return replace(room, light=(light[0], light[1], min(1.0, light[2])), lamps=lamps)
 
 
 def generate(seed: int) -> Home:
@@ -330,6 +372,11 @@ def generate(seed: int) -> Home:
     )
     portals += _windows(rng, rooms, bounds, ceiling)
     sunny = float(day and rng.random() < 0.6)
-    style = {"day": float(day), "sunny": sunny, "sun_deg": float(rng.uniform(0, 360)),
-             "sun_up_deg": float(rng.uniform(20, 55)), "trim": float(rng.random())}  # fmt: skip
+    style = {
+        "day": float(day),
+        "sunny": sunny,
+        "sun_deg": float(rng.uniform(0, 360)),
+        "sun_up_deg": float(rng.uniform(20, 55)),
+        "trim": float(rng.random()),
+    }
     return Home(seed, tuple(rooms), tuple(portals), ceiling, float(rng.uniform(0.09, 0.2)), style)

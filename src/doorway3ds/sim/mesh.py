@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ Int = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Mesh:
-    """vertices (N, 3) metres, normals (N, 3) unit, uv (N, 2) metres along the surface, faces (M, 3)."""
+    """vertices (N, 3) metres, unit normals (N, 3), uv (N, 2) metres, faces (M, 3)."""
 
     vertices: Float
     normals: Float
@@ -61,9 +62,7 @@ def join(meshes: list[Mesh]) -> Mesh:
     )
 
 
-def sheet(
-    origin: Float, u_axis: Float, v_axis: Float, us: Float, vs: Float, normal: Float
-) -> Mesh:
+def sheet(origin: Float, u_axis: Float, v_axis: Float, us: Float, vs: Float, normal: Float) -> Mesh:
     """A flat grid with corners at every (u, v); uv are the grid's own metres."""
     uu, vv = np.meshgrid(us, vs)
     flat = np.stack([uu.ravel(), vv.ravel()], -1)
@@ -109,35 +108,44 @@ def box(size: tuple[float, float, float], centre: tuple[float, float, float] = (
     return Mesh(corners * edges + np.asarray(centre), normals, uv * edges[axes], faces)
 
 
+@cache
+def _unit_rounded(n: int) -> tuple[Float, Float, Int, Int]:
+    """Of a rounded box: corner signs (N, 3), outward steps (N, 3), uv axes (N, 2), faces."""
+    arc = np.sin(np.linspace(0, np.pi / 2, n + 1))
+    steps_ = np.concatenate([-arc[::-1], arc])
+    signs = np.repeat([-1.0, 1.0], n + 1)
+    eye = np.eye(3)
+    parts, corners, axes = [], [], []
+    index = np.arange(2 * (n + 1), dtype=float)
+    for axis, (u, v) in ((0, (1, 2)), (1, (0, 2)), (2, (0, 1))):
+        for sign in (-1.0, 1.0):
+            grid = sheet(np.zeros(3), eye[u], eye[v], index, index, eye[axis] * sign)
+            i, j = grid.uv.astype(int).T
+            out, corner = np.zeros((len(i), 3)), np.zeros((len(i), 3))
+            out[:, axis] = corner[:, axis] = sign
+            out[:, u], out[:, v] = steps_[i], steps_[j]
+            corner[:, u], corner[:, v] = signs[i], signs[j]
+            parts.append(Mesh(out, out, grid.uv, grid.faces))
+            corners.append(corner)
+            axes += [(u, v)] * len(i)
+    whole = join(parts)
+    return np.concatenate(corners), whole.vertices, np.array(axes), whole.faces
+
+
 def rounded_box(
     size: tuple[float, float, float],
     radius: float,
     centre: tuple[float, float, float] = (0, 0, 0),
     n: int = 3,
 ) -> Mesh:
-    """A box with edges rounded by `radius` (n rows of facets each): cushions, mattresses, cars."""
+    """A box with edges rounded by `radius` (n rows of facets each): cushions, mattresses."""
     half = np.asarray(size, float) / 2
     radius = float(min(radius, *(half * 0.999)))
-    arc = np.sin(np.linspace(0, np.pi / 2, n + 1))
-    eye = np.eye(3)
-    parts = []
-    for axis, (u, v) in ((0, (1, 2)), (1, (0, 2)), (2, (0, 1))):
-        for sign in (-1.0, 1.0):
-            ticks = []
-            for k in (u, v):
-                inner = half[k] - radius
-                rim = inner + radius * arc
-                ticks.append(np.unique(np.concatenate([-rim, rim]).round(9)))
-            face = sheet(
-                eye[axis] * sign * half[axis], eye[u], eye[v], ticks[0], ticks[1], eye[axis] * sign
-            )
-            core = np.clip(face.vertices, -(half - radius), half - radius)
-            out = face.vertices - core
-            normals = out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
-            parts.append(
-                Mesh(core + normals * radius + np.asarray(centre), normals, face.uv, face.faces)
-            )
-    return join(parts)
+    corners, out, axes, faces = _unit_rounded(n)
+    normals = out / np.linalg.norm(out, axis=1, keepdims=True)
+    core = corners * (half - radius)
+    uv = np.take_along_axis(core + out * radius + half, axes, axis=1)
+    return Mesh(core + normals * radius + np.asarray(centre), normals, uv, faces)
 
 
 def lathe(
@@ -213,10 +221,8 @@ def rod(
     return Mesh(bar.vertices + a, bar.normals, bar.uv, bar.faces)
 
 
-def extrude(
-    outline: list[tuple[float, float]], y0: float, y1: float, z_up: bool = True
-) -> Mesh:
-    """A convex outline in (x, z), extruded along y from y0 to y1, counter-clockwise seen from -y."""
+def extrude(outline: list[tuple[float, float]], y0: float, y1: float) -> Mesh:
+    """A convex outline in (x, z), counter-clockwise seen from -y, from y0 to y1."""
     points = np.asarray(outline, float)
     count = len(points)
     parts = []
@@ -224,7 +230,9 @@ def extrude(
         v = np.stack([points[:, 0], np.full(count, y), points[:, 1]], -1)
         fan = np.array([[0, i, i + 1] for i in range(1, count - 1)])
         parts.append(
-            Mesh(v, np.tile([0.0, sign, 0.0], (count, 1)), points, fan if sign < 0 else fan[:, ::-1])
+            Mesh(
+                v, np.tile([0.0, sign, 0.0], (count, 1)), points, fan if sign < 0 else fan[:, ::-1]
+            )
         )
     for i in range(count):
         a, b = points[i], points[(i + 1) % count]

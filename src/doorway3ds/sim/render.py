@@ -5,20 +5,16 @@ from __future__ import annotations
 import os
 import sys
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera import Camera, Pose, rotation
+from doorway3ds.errors import UserError
 from doorway3ds.sim.mesh import rotation_z
 from doorway3ds.sim.scene import FAR_M, LAMP_CUTOFF, NEAR_M, Scene
-
-
-def use_headless_gl() -> None:
-    """Choose off-screen EGL on Linux unless MUJOCO_GL already names a back end."""
-    if sys.platform.startswith("linux"):
-        os.environ.setdefault("MUJOCO_GL", "egl")
 
 
 @dataclass(frozen=True)
@@ -40,7 +36,8 @@ class Eye:
     def lens(self) -> NDArray[np.float64]:
         """The lens in the plan (3,)."""
         offset = np.array([self.pose.forward_m, self.pose.left_m, self.pose.height_m or 0.0])
-        return np.array([self.x, self.y, 0.0]) + rotation_z(self.heading_deg) @ offset
+        at = np.array([self.x, self.y, 0.0]) + rotation_z(self.heading_deg) @ offset
+        return np.asarray(at, np.float64)
 
 
 class Renderer:
@@ -60,8 +57,9 @@ class Renderer:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
         option, camera = mujoco.MjvOption(), mujoco.MjvCamera()
-        mujoco.mjv_updateScene(scene.model, self._data, option, None, camera,
-                               mujoco.mjtCatBit.mjCAT_ALL, self._drawn)  # fmt: skip
+        mujoco.mjv_updateScene(
+            scene.model, self._data, option, None, camera, mujoco.mjtCatBit.mjCAT_ALL, self._drawn
+        )
         self._drawn.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE] = 0
         self._mirrors = {
             g.objid: (g, float(g.reflectance))
@@ -72,9 +70,9 @@ class Renderer:
     def close(self) -> None:
         self._context.free()
 
-    def draw(self, camera: Camera, eye: Eye, shadows: bool = True) -> tuple[
-        NDArray[np.uint8], NDArray[np.float32]
-    ]:
+    def draw(
+        self, camera: Camera, eye: Eye, shadows: bool = True
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """RGB (H, W, 3) and depth (H, W) in metres (nan beyond FAR_M) of the undistorted camera.
 
         Mirrors show what they reflect, but their depth is that of the glass.
@@ -128,9 +126,12 @@ class Renderer:
             along = np.array([np.cos(yaw), np.sin(yaw), 0.0]) * mirror.width / 2
             high = np.array([0, 0, mirror.height / 2])
             corners = np.array(
-                [np.array([mirror.x, mirror.y, mirror.z]) + a * along + b * high
-                 for a in (-1, 0, 1) for b in (-1, 0, 1)]
-            )  # fmt: skip
+                [
+                    np.array([mirror.x, mirror.y, mirror.z]) + a * along + b * high
+                    for a in (-1, 0, 1)
+                    for b in (-1, 0, 1)
+                ]
+            )
             seen = (corners - eye.lens()) @ axes
             limit = max(camera.width / camera.fx, camera.height / camera.fy) * 0.6
             visible = (seen[:, 2] > 0) & (np.abs(seen[:, 0]) < limit * seen[:, 2] + 0.5)
@@ -138,10 +139,25 @@ class Renderer:
 
 
 def open_context(width: int = 1024, height: int = 768) -> Any:
-    """An off-screen OpenGL context; raises ImportError or RuntimeError where there is none."""
-    use_headless_gl()
-    import mujoco
+    """An off-screen OpenGL context: EGL on Linux unless MUJOCO_GL names another back end.
 
-    context = mujoco.GLContext(width, height)
-    context.make_current()
+    Raises UserError where no driver gives one.
+    """
+    back_end = os.environ.get("MUJOCO_GL") or ("egl" if sys.platform == "linux" else "")
+    try:
+        import mujoco
+
+        # By module: mujoco.GLContext is fixed by the environment at its first import.
+        if back_end in ("egl", "osmesa"):
+            context = import_module(f"mujoco.{back_end}").GLContext(width, height)
+        else:
+            context = mujoco.GLContext(width, height)
+        context.make_current()
+    except Exception as error:  # PyOpenGL raises AttributeError, ImportError and its own
+        if getattr(error, "name", None) == "mujoco":
+            raise
+        raise UserError(
+            f"expected off-screen OpenGL ({back_end or 'default'}), got: {error}; on Debian "
+            f"install libegl1, libopengl0 and libgl1-mesa-dri (docs/sim.md)"
+        ) from error
     return context

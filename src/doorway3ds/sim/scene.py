@@ -6,14 +6,13 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.sim import furnish, shell, surfaces, textures
 from doorway3ds.sim.furnish import Furnished
 from doorway3ds.sim.homes import Home, Room
-from doorway3ds.sim.mesh import Mesh, box, join, sheet, steps
+from doorway3ds.sim.mesh import Mesh, box, join, rod, sheet, steps
 
 Rng = np.random.Generator
 NEAR_M, FAR_M = 0.03, 60.0
@@ -21,8 +20,12 @@ PALETTE = 32  # colours a side in the picture of plain paints
 SKY_PX = 512
 LAMP_CUTOFF = 89  # nearly a half space: a narrower cone draws its edge on the walls
 ATLAS = 4  # pictures a side in the picture of pictures
-NAMES = ([f"painting{i}" for i in range(6)] + [f"books{i}" for i in range(3)]
-         + [f"screen{i}" for i in range(2)] + [f"rug{i}" for i in range(4)])  # fmt: skip
+NAMES = (
+    [f"painting{i}" for i in range(6)]
+    + [f"books{i}" for i in range(3)]
+    + [f"screen{i}" for i in range(2)]
+    + [f"rug{i}" for i in range(4)]
+)
 
 
 def _own(rng: Rng) -> Rng:
@@ -45,7 +48,7 @@ class Builder:
     assets: dict[str, bytes] = field(default_factory=dict)
 
     def add(self, room: int, paint: str, mesh: Mesh) -> None:
-        if paint.startswith("#") or paint.startswith("!"):
+        if paint.startswith(("#", "!")):
             group = "glow" if paint.startswith("!") else "plain"
             index = self.colours.setdefault(paint.lstrip("!"), len(self.colours)) % PALETTE**2
             at = (np.array([index % PALETTE, index // PALETTE]) + 0.5) / PALETTE
@@ -53,7 +56,7 @@ class Builder:
         elif paint in NAMES:
             group, slot = "pictures", NAMES.index(paint)
             inset = 0.02 + 0.96 * np.clip(mesh.uv, 0, 1)
-            uv = (inset + [slot % ATLAS, slot // ATLAS]) / ATLAS
+            uv = (inset + np.array([slot % ATLAS, slot // ATLAS])) / ATLAS
         elif paint.startswith("room:"):
             group, uv = paint, mesh.uv
         else:
@@ -75,7 +78,8 @@ class Builder:
         self.meshes.append(f'<mesh name="{name}" file="{name}.msh" inertia="shell"/>')
         r, g, b = rgb
         self.geoms.append(
-            f'<geom type="mesh" mesh="{name}" material="{material}" rgba="{r:.3f} {g:.3f} {b:.3f} 1"/>'
+            f'<geom type="mesh" mesh="{name}" material="{material}" '
+            f'rgba="{r:.3f} {g:.3f} {b:.3f} 1"/>'
         )
 
 
@@ -83,7 +87,9 @@ def _paints(builder: Builder, rng: Rng) -> None:
     """Woods, cloths, pictures: what furniture is covered with."""
     for i in range(3):
         builder.texture(f"wood{i}", textures.wood(_own(rng), 160))
-        builder.material(f"wood{i}", f"wood{i}", f'specular="{rng.uniform(0, 0.35):.2f}" shininess="0.4"')
+        builder.material(
+            f"wood{i}", f"wood{i}", f'specular="{rng.uniform(0, 0.35):.2f}" shininess="0.4"'
+        )
     for i in range(4):
         builder.texture(f"fabric{i}", textures.fabric(_own(rng), 128))
         builder.material(f"fabric{i}", f"fabric{i}", 'specular="0"')
@@ -99,8 +105,14 @@ def _paints(builder: Builder, rng: Rng) -> None:
     builder.material("pictures", "pictures", 'specular="0.2" shininess="0.6"')
 
 
-def _room(builder: Builder, furnished: Furnished, room: Room, rng: Rng, trim: str,
-          tiles: tuple[NDArray[np.float32], NDArray[np.float32]]) -> str:  # fmt: skip
+def _room(
+    builder: Builder,
+    furnished: Furnished,
+    room: Room,
+    rng: Rng,
+    trim: str,
+    tiles: tuple[NDArray[np.float32], NDArray[np.float32]],
+) -> str:
     """Floor, walls, ceiling and skirting of a room; returns its wall colour as a plain paint."""
     home, ppm, i = furnished.home, builder.ppm, room.index
     t = home.wall_m / 2
@@ -111,7 +123,9 @@ def _room(builder: Builder, furnished: Furnished, room: Room, rng: Rng, trim: st
     eye = np.eye(3)
     for name, z, up in (("floor", 0.0, 1.0), ("ceiling", home.ceiling_m, -1.0)):
         face = sheet(np.array([x0, y0, z]), eye[0], eye[1], us, vs, eye[2] * up)
-        builder.add(i, f"room:{name}{i}", Mesh(face.vertices, face.normals, face.uv / scale, face.faces))
+        builder.add(
+            i, f"room:{name}{i}", Mesh(face.vertices, face.normals, face.uv / scale, face.faces)
+        )
     builder.texture(f"floor{i}", surfaces.floor_picture(furnished, room, floor_tile, ppm))
     shine = rng.uniform(0, 0.45) if rng.random() < 0.7 else 0.0
     builder.material(f"room:floor{i}", f"floor{i}", f'specular="{shine:.2f}" shininess="0.5"')
@@ -147,7 +161,9 @@ def _glass(x: float, y: float, z: float, yaw: float, w: float, h: float, tint: s
     )
 
 
-def _openings(builder: Builder, furnished: Furnished, rng: Rng, trim: str, walls: list[str]) -> None:
+def _openings(
+    builder: Builder, furnished: Furnished, rng: Rng, trim: str, walls: list[str]
+) -> None:
     """Frames, leaves, glass and balconies."""
     home = furnished.home
     wooden = rng.random() < 0.35
@@ -195,7 +211,7 @@ def _curtains(builder: Builder, furnished: Furnished, rng: Rng) -> None:
             builder.add(room, "curtain", folded.moved((x, y, 0), 90.0 if portal.axis == 0 else 0.0))
         a = portal.point(-portal.width / 2 - 0.2, side * (home.wall_m / 2 + 0.1))
         b = portal.point(portal.width / 2 + 0.2, side * (home.wall_m / 2 + 0.1))
-        rail = shell.rod((*a, drop + 0.01), (*b, drop + 0.01), 0.012, 6)
+        rail = rod((*a, drop + 0.01), (*b, drop + 0.01), 0.012, 6)
         builder.add(room, "#8d8a84", rail)
 
 
@@ -211,8 +227,8 @@ def _lights(home: Home) -> str:
         f'<light name="sun" type="directional" castshadow="true" pos="{at[0]:.3f} {at[1]:.3f} '
         f'{at[2]:.3f}" dir="{d[0]:.3f} {d[1]:.3f} {d[2]:.3f}" diffuse="{sun} {sun * 0.93} '
         f'{sun * 0.8}" specular="0.1 0.1 0.1" active="{"true" if sunny else "false"}"/>'
-        f'<light name="lamp" type="spot" castshadow="true" pos="0 0 2.3" dir="0 0 -1" cutoff="{LAMP_CUTOFF}" '
-        'exponent="1" diffuse="0.5 0.48 0.43" specular="0.25 0.25 0.25"/>'
+        f'<light name="lamp" type="spot" castshadow="true" pos="0 0 2.3" dir="0 0 -1" '
+        f'cutoff="{LAMP_CUTOFF}" exponent="1" diffuse="0.5 0.48 0.43" specular="0.25 0.25 0.25"/>'
         '<light name="fill" type="directional" castshadow="false" dir="0.45 0.25 -0.85" '
         'diffuse="0.2 0.2 0.21" specular="0 0 0"/>'
         '<light name="back" type="directional" castshadow="false" dir="-0.6 -0.35 0.35" '
@@ -233,12 +249,20 @@ class Scene:
         return self.furnished.home
 
 
-def build(home: Home, ppm: float = 72.0, size: tuple[int, int] = (1024, 768)) -> Scene:
-    """Compile a home; `ppm` is texture pixels a metre, `size` the largest picture (w, h)."""
+def build(
+    home: Home,
+    ppm: float = 72.0,
+    size: tuple[int, int] = (1024, 768),
+    furnished: Furnished | None = None,
+) -> Scene:
+    """Compile a home; `ppm` is texture pixels a metre, `size` the largest picture (w, h).
+
+    furnished: what stands in it; by default what the home's seed gives.
+    """
     import mujoco
 
     rng = np.random.default_rng([0x5CE, home.seed])
-    furnished = furnish.furnish(home)
+    furnished = furnished or furnish.furnish(home)
     builder = Builder(home.seed, ppm)
     _paints(builder, rng)
     trim = "#f1efe9" if home.style["trim"] < 0.75 else f"wood{rng.integers(3)}"
@@ -266,7 +290,9 @@ def build(home: Home, ppm: float = 72.0, size: tuple[int, int] = (1024, 768)) ->
     for rug in furnished.rugs:
         pile = box((rug.width, rug.depth, 0.008), (rug.x, rug.y, 0.004))
         uv = (pile.vertices[:, :2] - [rug.x, rug.y]) / [rug.width, rug.depth] + 0.5
-        builder.add(rug.room, f"rug{rug.picture}", Mesh(pile.vertices, pile.normals, uv, pile.faces))
+        builder.add(
+            rug.room, f"rug{rug.picture}", Mesh(pile.vertices, pile.normals, uv, pile.faces)
+        )
     mirror_xml = []
     for k, m in enumerate(furnished.mirrors):
         # A box mirrors on its +z face only; the frame around it is the bigger box behind.
@@ -276,19 +302,25 @@ def build(home: Home, ppm: float = 72.0, size: tuple[int, int] = (1024, 768)) ->
             f'{m.height / 2:.4f} 0.004" pos="{m.x:.4f} {m.y:.4f} {m.z:.4f}" '
             f'xyaxes="{-c:.5f} {-s:.5f} 0 0 0 1"/>'
         )
-        back = box((m.width + 0.05, 0.02, m.height + 0.05)).moved((m.x + s * 0.015, m.y - c * 0.015, m.z), m.yaw_deg)  # noqa: E501
+        back = box((m.width + 0.05, 0.02, m.height + 0.05)).moved(
+            (m.x + s * 0.015, m.y - c * 0.015, m.z), m.yaw_deg
+        )
         builder.add(m.room, "#2c2622" if k % 2 else "wood1", back)
     palette = np.zeros((PALETTE, PALETTE, 3), np.float32)
     for colour, index in builder.colours.items():
         spot = index % PALETTE**2
         value = [int(colour[j : j + 2], 16) / 255 for j in (1, 3, 5)]
         palette[spot // PALETTE, spot % PALETTE] = value
-    builder.texture("palette", cv2.resize(palette, (PALETTE * 4, PALETTE * 4), interpolation=cv2.INTER_NEAREST))  # noqa: E501
+    builder.texture("palette", np.kron(palette, np.ones((4, 4, 1), np.float32)))
     builder.material("plain", "palette", 'specular="0.15" shininess="0.4"')
     builder.material("glow", "palette", 'emission="1" specular="0"')
-    for (room, group), parts in builder.groups.items():
-        light = home.rooms[room].light if room >= 0 else ((1.0, 1.0, 1.0) if home.style["day"] else (0.15, 0.15, 0.2))  # noqa: E501
-        name = f"{group.replace(':', '_')}_{room}"
+    for (index, group), parts in builder.groups.items():
+        light = (
+            home.rooms[index].light
+            if index >= 0
+            else ((1.0, 1.0, 1.0) if home.style["day"] else (0.15, 0.15, 0.2))
+        )
+        name = f"{group.replace(':', '_')}_{index}"
         builder.geom(name, join(parts), group, light)
     sky = surfaces.skybox(_own(rng), SKY_PX, home.style["day"] > 0)
     model = mujoco.MjModel.from_xml_string(_xml(builder, home, mirror_xml, size), builder.assets)
@@ -305,7 +337,8 @@ def build(home: Home, ppm: float = 72.0, size: tuple[int, int] = (1024, 768)) ->
 
 def _xml(builder: Builder, home: Home, mirrors: list[str], size: tuple[int, int]) -> str:
     pictures = "".join(
-        f'<texture name="{name}" type="2d" builtin="flat" width="{p.shape[1]}" height="{p.shape[0]}"/>'
+        f'<texture name="{name}" type="2d" builtin="flat" width="{p.shape[1]}" '
+        f'height="{p.shape[0]}"/>'
         for name, p in builder.pictures.items()
     )
     return (
@@ -314,8 +347,10 @@ def _xml(builder: Builder, home: Home, mirrors: list[str], size: tuple[int, int]
         '<quality shadowsize="1024" offsamples="4"/>'
         '<headlight ambient="0.42 0.42 0.42" diffuse="0.06 0.06 0.06" specular="0 0 0"/>'
         f'<map znear="{NEAR_M}" zfar="{FAR_M}" shadowclip="9" shadowscale="0.82"/></visual>'
-        '<statistic extent="1" center="0 0 0"/><default><geom contype="0" conaffinity="0"/></default>'
-        f'<asset><texture name="sky" type="skybox" builtin="flat" width="{SKY_PX}" height="{6 * SKY_PX}"/>{pictures}'
+        '<statistic extent="1" center="0 0 0"/>'
+        '<default><geom contype="0" conaffinity="0"/></default>'
+        f'<asset><texture name="sky" type="skybox" builtin="flat" width="{SKY_PX}" '
+        f'height="{6 * SKY_PX}"/>{pictures}'
         '<material name="mirror" rgba="0.02 0.025 0.025 1" reflectance="0.94" specular="0"/>'
         f"{''.join(builder.materials)}{''.join(builder.meshes)}</asset><worldbody>"
         f"{_lights(home)}{''.join(builder.geoms)}{''.join(mirrors)}</worldbody></mujoco>"

@@ -27,12 +27,20 @@ def pinhole_for(camera: Camera, limit: tuple[int, int] = (1024, 768)) -> Camera:
     size = np.ceil((high - low) * f).astype(int) + 3
     size = np.minimum(size, limit)
     centre = -low * f + 0.5
-    return Camera("pinhole", int(size[0]), int(size[1]), camera.fx, camera.fy,
-                  float(centre[0]), float(centre[1]))  # fmt: skip
+    return Camera(
+        "pinhole",
+        int(size[0]),
+        int(size[1]),
+        camera.fx,
+        camera.fy,
+        float(centre[0]),
+        float(centre[1]),
+    )
 
 
-def distort(camera: Camera, pinhole: Camera, rgb: NDArray[np.uint8], depth: NDArray[np.float32]
-            ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:  # fmt: skip
+def distort(
+    camera: Camera, pinhole: Camera, rgb: NDArray[np.uint8], depth: NDArray[np.float32]
+) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
     """What `camera` sees, from a pinhole's picture and depth.
 
     Depth is interpolated in 1 / depth (exact on planes), and taken from the nearest pixel where
@@ -50,7 +58,9 @@ def distort(camera: Camera, pinhole: Camera, rgb: NDArray[np.uint8], depth: NDAr
     same = np.abs(smooth - nearest) < 0.02 * nearest
     out = np.where(same, smooth, nearest)
     with np.errstate(divide="ignore"):
-        return np.asarray(picture, np.uint8), np.where(out > 0, 1.0 / out, np.nan).astype(np.float32)
+        return np.asarray(picture, np.uint8), np.where(out > 0, 1.0 / out, np.nan).astype(
+            np.float32
+        )
 
 
 def expose(rng: Rng, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -79,4 +89,4 @@ def expose(rng: Rng, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
     contrast, colour = rng.uniform(0.9, 1.15), rng.uniform(0.75, 1.15)
     grey = picture.mean(-1, keepdims=True)
     picture = (grey + (picture - grey) * colour - 0.5) * contrast + 0.5
-    return (np.clip(picture, 0, 1) * 255 + 0.5).astype(np.uint8)
+    return np.asarray(np.clip(picture, 0, 1) * 255 + 0.5, np.uint8)

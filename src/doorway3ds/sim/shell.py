@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,22 +107,31 @@ def leaf_parts(leaf: Leaf, style: int, paint: str) -> list[Part]:
     parts: list[Part] = []
     if style == 5:
         rail = 0.11
+        parts += [(paint, box((rail, t, h), (s * (w - rail) / 2, 0, h / 2))) for s in (-1, 1)]
         parts += [
-            (paint, box((rail, t, h), (s * (w - rail) / 2, 0, h / 2))) for s in (-1, 1)
+            (paint, box((w, t, 0.12), (0, 0, h - 0.06))),
+            (paint, box((w, t, 0.7), (0, 0, 0.35))),
         ]
-        parts += [(paint, box((w, t, 0.12), (0, 0, h - 0.06))), (paint, box((w, t, 0.7), (0, 0, 0.35)))]
         parts.append((paint, box((w, t * 0.6, 0.03), (0, 0, 1.35))))
     else:
         parts.append((paint, box((w, t, h), (0, 0, h / 2))))
-        rows = {1: ((0.15, 0.9), (1.0, h - 0.15)), 2: ((0.15, 0.65), (0.75, 1.25), (1.35, h - 0.12)),
-                3: ((0.12, h - 0.12),)}.get(style, ())  # fmt: skip
+        rows = {
+            1: ((0.15, 0.9), (1.0, h - 0.15)),
+            2: ((0.15, 0.65), (0.75, 1.25), (1.35, h - 0.12)),
+            3: ((0.12, h - 0.12),),
+        }.get(style, ())
         columns = 2 if style in (1, 2) else 1
         for low, high in rows:
             for c in range(columns):
                 cw = (w - 0.2) / columns - 0.04
                 cx = (c - (columns - 1) / 2) * (cw + 0.08)
                 parts.append((paint, box((cw, t + 0.014, high - low), (cx, 0, (low + high) / 2))))
-                parts.append((paint, box((cw - 0.08, t + 0.03, high - low - 0.08), (cx, 0, (low + high) / 2))))
+                parts.append(
+                    (
+                        paint,
+                        box((cw - 0.08, t + 0.03, high - low - 0.08), (cx, 0, (low + high) / 2)),
+                    )
+                )
     x = w / 2 - 0.07
     for s in (-1, 1):
         y = s * (t / 2 + 0.045)
@@ -180,7 +190,7 @@ def _arch(w: float, t: float, top: float, paint: str) -> list[Part]:
     angles = np.linspace(0, np.pi / 2, 7)
     out: list[Part] = []
     for s in (-1, 1):
-        for a, b in zip(angles[:-1], angles[1:], strict=True):
+        for a, b in pairwise(angles):
             p = [(w / 2 - rise + rise * np.cos(k), top - rise + rise * np.sin(k)) for k in (a, b)]
             quad = [(w / 2, p[0][1]), (w / 2, p[1][1]), p[1], p[0]]
             outline = [(s * x, z) for x, z in quad]
@@ -191,7 +201,9 @@ def _arch(w: float, t: float, top: float, paint: str) -> list[Part]:
 def _window_bars(portal: Portal, t: float, trim: str) -> list[Part]:
     w, low, high = portal.width, portal.sill, portal.height
     bar, h = 0.05, portal.height - portal.sill
-    parts: list[Part] = [(trim, box((bar, 0.06, h), (s * (w - bar) / 2, 0, low + h / 2))) for s in (-1, 1)]
+    parts: list[Part] = [
+        (trim, box((bar, 0.06, h), (s * (w - bar) / 2, 0, low + h / 2))) for s in (-1, 1)
+    ]
     parts += [(trim, box((w, 0.06, bar), (0, 0, z))) for z in (low + bar / 2, high - bar / 2)]
     fields = max(1, round(w / 0.8))
     for i in range(1, fields):

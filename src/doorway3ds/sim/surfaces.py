@@ -1,4 +1,4 @@
-"""Pictures for a room's walls, floor and ceiling, with soft light and contact shadows painted in."""
+"""Pictures for a room's walls, floor and ceiling, soft light and contact shadows painted in."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def repeat(tile: Picture, height: int, width: int) -> Picture:
     """A seamless tile laid over (height, width)."""
     rows = np.arange(height) % tile.shape[0]
     columns = np.arange(width) % tile.shape[1]
-    return tile[rows][:, columns]
+    return np.asarray(tile[rows][:, columns])
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,12 @@ def edge_shade(height: int, width: int, ppm: float, sides: str = "lrbt") -> Pict
     x = (np.arange(width) + 0.5) / ppm
     y = (np.arange(height) + 0.5) / ppm
     out = np.ones((height, width))
-    falls = {"l": x[None, :], "r": (width / ppm - x)[None, :], "b": y[:, None],
-             "t": (height / ppm - y)[:, None]}  # fmt: skip
+    falls = {
+        "l": x[None, :],
+        "r": (width / ppm - x)[None, :],
+        "b": y[:, None],
+        "t": (height / ppm - y)[:, None],
+    }
     for side in sides:
         out = out * (1 - 0.22 * np.exp(-falls[side] / 0.16) - 0.1 * np.exp(-falls[side] / 0.6))
     return out.astype(np.float32)
@@ -77,15 +81,22 @@ def _low_res(shape: tuple[int, int], ppm: float) -> tuple[int, int]:
     return max(4, int(shape[0] / ppm * 8)), max(4, int(shape[1] / ppm * 8))
 
 
-def _lightmap(glow: Glow, start: NDArray[np.float64], u: NDArray[np.float64],
-              v: NDArray[np.float64], normal: NDArray[np.float64], shape: tuple[int, int],
-              ppm: float) -> Picture:  # fmt: skip
+def _lightmap(
+    glow: Glow,
+    start: NDArray[np.float64],
+    u: NDArray[np.float64],
+    v: NDArray[np.float64],
+    normal: NDArray[np.float64],
+    shape: tuple[int, int],
+    ppm: float,
+) -> Picture:
     rows, columns = _low_res(shape, ppm)
     b = (np.arange(rows) + 0.5) / rows * shape[0] / ppm
     a = (np.arange(columns) + 0.5) / columns * shape[1] / ppm
     points = start + a[None, :, None] * u + b[:, None, None] * v
     small = light_on(glow, points, normal)
-    return cv2.resize(small, (shape[1], shape[0]), interpolation=cv2.INTER_LINEAR)
+    big = cv2.resize(small, (shape[1], shape[0]), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(big, np.float32)
 
 
 def floor_picture(furnished: Furnished, room: Room, tile: Picture, ppm: float) -> Picture:
@@ -97,14 +108,26 @@ def floor_picture(furnished: Furnished, room: Room, tile: Picture, ppm: float) -
     for p in furnished.standing:
         if p.room == room.index:
             a = footprint(p.item, p.x, p.y, p.yaw_deg)
-            corners = [int((a[0] - x0) * ppm), int((a[1] - y0) * ppm), int((a[2] - x0) * ppm), int((a[3] - y0) * ppm)]  # noqa: E501
+            corners = [
+                int((a[0] - x0) * ppm),
+                int((a[1] - y0) * ppm),
+                int((a[2] - x0) * ppm),
+                int((a[3] - y0) * ppm),
+            ]
             cv2.rectangle(mask, (corners[0], corners[1]), (corners[2], corners[3]), 1.0, -1)
     near = cv2.GaussianBlur(mask, (0, 0), max(0.07 * ppm, 0.5))
     wide = cv2.GaussianBlur(mask, (0, 0), max(0.22 * ppm, 0.5))
-    light = _lightmap(glow_of(furnished, room), np.array([x0, y0, 0.0]), np.array([1.0, 0, 0]),
-                      np.array([0, 1.0, 0]), np.array([0, 0, 1.0]), shape, ppm)  # fmt: skip
+    light = _lightmap(
+        glow_of(furnished, room),
+        np.array([x0, y0, 0.0]),
+        np.array([1.0, 0, 0]),
+        np.array([0, 1.0, 0]),
+        np.array([0, 0, 1.0]),
+        shape,
+        ppm,
+    )
     light = light * edge_shade(*shape, ppm) * (1 - 0.35 * near - 0.3 * wide)
-    return np.clip(repeat(tile, *shape) * light[..., None], 0, 1).astype(np.float32)
+    return np.asarray(np.clip(repeat(tile, *shape) * light[..., None], 0, 1), np.float32)
 
 
 def ceiling_picture(furnished: Furnished, room: Room, colour: Picture, ppm: float) -> Picture:
@@ -112,19 +135,38 @@ def ceiling_picture(furnished: Furnished, room: Room, colour: Picture, ppm: floa
     x0, y0, x1, y1 = room.x0 + t, room.y0 + t, room.x1 - t, room.y1 - t
     shape = (max(8, int((y1 - y0) * ppm)), max(8, int((x1 - x0) * ppm)))
     top = furnished.home.ceiling_m
-    light = _lightmap(glow_of(furnished, room), np.array([x0, y0, top]), np.array([1.0, 0, 0]),
-                      np.array([0, 1.0, 0]), np.array([0, 0, -1.0]), shape, ppm)  # fmt: skip
+    light = _lightmap(
+        glow_of(furnished, room),
+        np.array([x0, y0, top]),
+        np.array([1.0, 0, 0]),
+        np.array([0, 1.0, 0]),
+        np.array([0, 0, -1.0]),
+        shape,
+        ppm,
+    )
     light *= edge_shade(*shape, ppm)
-    return np.clip(colour * light[..., None], 0, 1).astype(np.float32)
+    return np.asarray(np.clip(colour * light[..., None], 0, 1), np.float32)
 
 
-def wall_picture(furnished: Furnished, room: Room, side: int, start: NDArray[np.float64],
-                 length: float, tile: Picture, ppm: float) -> Picture:  # fmt: skip
+def wall_picture(
+    furnished: Furnished,
+    room: Room,
+    side: int,
+    start: NDArray[np.float64],
+    length: float,
+    tile: Picture,
+    ppm: float,
+) -> Picture:
     """One wall face, row 0 at the floor, with shadows behind what stands against it."""
     home = furnished.home
     shape = (max(8, int(home.ceiling_m * ppm)), max(8, int(length * ppm)))
     u = np.array([0, 1.0, 0]) if side < 2 else np.array([1.0, 0, 0])
-    normal = (np.array([1.0, 0, 0]), np.array([-1.0, 0, 0]), np.array([0, 1.0, 0]), np.array([0, -1.0, 0]))[side]  # noqa: E501
+    normal = (
+        np.array([1.0, 0, 0]),
+        np.array([-1.0, 0, 0]),
+        np.array([0, 1.0, 0]),
+        np.array([0, -1.0, 0]),
+    )[side]
     mask = np.zeros(shape, np.float32)
     axis = 1 if side < 2 else 0
     for p in furnished.standing:
@@ -141,16 +183,21 @@ def wall_picture(furnished: Furnished, room: Room, side: int, start: NDArray[np.
             if abs(off) < 0.05:
                 c = (p.x, p.y)[axis] - start[axis]
                 w, h = p.item.size[0] / 2, p.item.size[2] / 2
-                cv2.rectangle(mask, (int((c - w) * ppm), int((p.z - h - 0.03) * ppm)),
-                              (int((c + w) * ppm), int((p.z + h) * ppm)), 0.7, -1)  # fmt: skip
+                cv2.rectangle(
+                    mask,
+                    (int((c - w) * ppm), int((p.z - h - 0.03) * ppm)),
+                    (int((c + w) * ppm), int((p.z + h) * ppm)),
+                    0.7,
+                    -1,
+                )
     dark = cv2.GaussianBlur(mask, (0, 0), max(0.06 * ppm, 0.5))
     light = _lightmap(glow_of(furnished, room), start, u, np.array([0, 0, 1.0]), normal, shape, ppm)
     light = light * edge_shade(*shape, ppm) * (1 - 0.4 * dark)
-    return np.clip(repeat(tile, *shape) * light[..., None], 0, 1).astype(np.float32)
+    return np.asarray(np.clip(repeat(tile, *shape) * light[..., None], 0, 1), np.float32)
 
 
 def skybox(rng: Rng, size: int, day: bool) -> NDArray[np.uint8]:
-    """Six faces stacked (6 * size, size, 3) in MuJoCo's order: right, left, up, down, front, back."""
+    """Six faces stacked (6 * size, size, 3): right, left, up, down, front, back as MuJoCo wants."""
     panorama = textures.outside(rng, size, 4 * size)
     if not day:
         panorama = panorama * 0.12

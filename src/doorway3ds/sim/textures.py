@@ -7,6 +7,7 @@ Tiles repeat without a seam unless their maker says otherwise.
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -44,7 +45,7 @@ def flat(colour: tuple[float, float, float] | Picture, height: int, width: int) 
 def hsv(hue: float, saturation: float, value: float) -> Picture:
     """One colour (3,) from hue 0..1, saturation and value."""
     pixel = np.array([[[hue % 1.0 * 360.0, saturation, value]]], np.float32)
-    return cv2.cvtColor(pixel, cv2.COLOR_HSV2RGB)[0, 0].astype(np.float32)
+    return np.asarray(cv2.cvtColor(pixel, cv2.COLOR_HSV2RGB)[0, 0], np.float32)
 
 
 def shade(picture: Picture, by: Picture) -> Picture:
@@ -52,34 +53,48 @@ def shade(picture: Picture, by: Picture) -> Picture:
     return np.clip(picture * (1.0 + by[..., None]), 0.0, 1.0).astype(np.float32)
 
 
-WOODS = ((0.085, 0.45, 0.75), (0.075, 0.55, 0.5), (0.06, 0.6, 0.32), (0.09, 0.3, 0.82),
-         (0.07, 0.15, 0.55), (0.05, 0.65, 0.42), (0.1, 0.25, 0.9))  # fmt: skip
+WOODS = (
+    (0.085, 0.45, 0.75),
+    (0.075, 0.55, 0.5),
+    (0.06, 0.6, 0.32),
+    (0.09, 0.3, 0.82),
+    (0.07, 0.15, 0.55),
+    (0.05, 0.65, 0.42),
+    (0.1, 0.25, 0.9),
+)
 
 
 def wood_colour(rng: Rng) -> Picture:
     h, s, v = WOODS[rng.integers(len(WOODS))]
-    return hsv(h + rng.normal(0, 0.008), np.clip(s + rng.normal(0, 0.06), 0, 1),
-               np.clip(v + rng.normal(0, 0.06), 0.1, 0.95))  # fmt: skip
+    return hsv(
+        h + rng.normal(0, 0.008),
+        np.clip(s + rng.normal(0, 0.06), 0, 1),
+        np.clip(v + rng.normal(0, 0.06), 0.1, 0.95),
+    )
 
 
 def grain(rng: Rng, height: int, width: int, strength: float = 0.12) -> Picture:
     """Wood grain that runs along the rows."""
     fine = cv2.resize(
         rng.standard_normal((height, max(2, width // 24))).astype(np.float32),
-        (width, height), interpolation=cv2.INTER_CUBIC,
-    )  # fmt: skip
-    slow = cv2.resize(
-        noise(rng, height, max(4, width // 6), height / 4), (width, height),
+        (width, height),
         interpolation=cv2.INTER_CUBIC,
-    )  # fmt: skip
+    )
+    slow = cv2.resize(
+        noise(rng, height, max(4, width // 6), height / 4),
+        (width, height),
+        interpolation=cv2.INTER_CUBIC,
+    )
     rings = np.sin(5.0 * slow + np.linspace(0, 40, height, dtype=np.float32)[:, None])
-    return (strength * (0.4 * fine + 0.3 * rings)).astype(np.float32)
+    return np.asarray(strength * (0.4 * fine + 0.3 * rings), np.float32)
 
 
 def wood(rng: Rng, ppm: float) -> Picture:
     """One metre of plain wood for furniture and door leaves."""
     size = int(ppm)
-    return shade(flat(wood_colour(rng), size, size), grain(rng, size, size, rng.uniform(0.03, 0.15)))
+    return shade(
+        flat(wood_colour(rng), size, size), grain(rng, size, size, rng.uniform(0.03, 0.15))
+    )
 
 
 def planks(rng: Rng, ppm: float) -> Picture:
@@ -91,7 +106,7 @@ def planks(rng: Rng, ppm: float) -> Picture:
     spread = rng.uniform(0.02, 0.14)
     edges = np.linspace(0, size, rows + 1).round().astype(int)
     tone = grain(rng, size, size, rng.uniform(0.03, 0.12))
-    for top, bottom in zip(edges[:-1], edges[1:], strict=True):
+    for top, bottom in pairwise(edges):
         start = int(rng.integers(size))
         for piece in range(2):
             a = (start + piece * size // 2) % size
@@ -203,7 +218,9 @@ def brick(rng: Rng, ppm: float) -> Picture:
     tone = rng.normal(0, 0.1, (rows, columns)).astype(np.float32)[row, column]
     tone += 0.06 * noise(rng, size, size, 12)
     out = shade(flat(base, size, size), tone)
-    joint = (y % (size // rows) < size / rows * 0.12) | (xs % (size // columns) < size / rows * 0.12)
+    joint = (y % (size // rows) < size / rows * 0.12) | (
+        xs % (size // columns) < size / rows * 0.12
+    )
     out[joint] = np.clip(base.mean() * 0.75 + 0.15, 0, 1)
     return out
 
@@ -238,7 +255,9 @@ def curtain(rng: Rng, ppm: float) -> Picture:
 
 def rug(rng: Rng, height: int, width: int) -> Picture:
     """A whole rug with borders, rings or bands (does not repeat)."""
-    colours = [hsv(rng.uniform(0, 1), rng.uniform(0.1, 0.7), rng.uniform(0.2, 0.9)) for _ in range(4)]
+    colours = [
+        hsv(rng.uniform(0, 1), rng.uniform(0.1, 0.7), rng.uniform(0.2, 0.9)) for _ in range(4)
+    ]
     y, x = np.mgrid[0:height, 0:width].astype(np.float32)
     edge = np.minimum.reduce([x, y, width - 1 - x, height - 1 - y]) / min(height, width)
     kind = int(rng.integers(4))
@@ -255,7 +274,7 @@ def rug(rng: Rng, height: int, width: int) -> Picture:
 
 
 def painting(rng: Rng, height: int, width: int) -> Picture:
-    """Something framed on a wall: landscape, blots, a grid of colour, a photograph-like gradient."""
+    """Something framed on a wall: landscape, blots, a grid of colour, clouds."""
     y, x = np.mgrid[0:height, 0:width].astype(np.float32)
     kind = int(rng.integers(4))
     if kind == 0:
@@ -270,7 +289,9 @@ def painting(rng: Rng, height: int, width: int) -> Picture:
             cv2.ellipse(out, centre, axes, float(rng.uniform(0, 180)), 0, 360, colour_tuple, -1)
     elif kind == 2:
         rows, columns = rng.integers(2, 6, 2)
-        grid = np.stack([hsv(rng.random(), rng.random(), rng.random()) for _ in range(rows * columns)])
+        grid = np.stack(
+            [hsv(rng.random(), rng.random(), rng.random()) for _ in range(rows * columns)]
+        )
         cell = (y * rows / height).astype(int) * columns + (x * columns / width).astype(int)
         out = grid[cell].astype(np.float32)
     else:
@@ -331,12 +352,31 @@ def outside(rng: Rng, height: int, width: int) -> Picture:
     green = hsv(rng.uniform(0.18, 0.36), rng.uniform(0.3, 0.6), rng.uniform(0.2, 0.45))
     out[trees] = (green * (1 + 0.5 * canopy[..., None]))[trees]
     out = out * 0.06 if night else out
-    return np.clip(out, 0, 1).astype(np.float32)
+    return np.asarray(np.clip(out, 0, 1), np.float32)
 
 
-FLOORS: tuple[Callable[[Rng, float], Picture], ...] = (planks, planks, planks, herringbone, tiles,
-                                                       tiles, carpet, carpet, concrete)  # fmt: skip
+FLOORS: tuple[Callable[[Rng, float], Picture], ...] = (
+    planks,
+    planks,
+    planks,
+    herringbone,
+    tiles,
+    tiles,
+    carpet,
+    carpet,
+    concrete,
+)
 WALLS: tuple[Callable[[Rng, float], Picture], ...] = (plaster,) * 7 + (wallpaper,) * 2 + (brick,)
-TILE_M: dict[str, float] = {"planks": 2.0, "herringbone": 0.8, "tiles": 1.2, "carpet": 1.0,
-                            "concrete": 2.0, "plaster": 1.0, "wallpaper": 1.0, "brick": 1.0,
-                            "wood": 1.0, "fabric": 0.5, "curtain": 1.0}  # fmt: skip
+TILE_M: dict[str, float] = {
+    "planks": 2.0,
+    "herringbone": 0.8,
+    "tiles": 1.2,
+    "carpet": 1.0,
+    "concrete": 2.0,
+    "plaster": 1.0,
+    "wallpaper": 1.0,
+    "brick": 1.0,
+    "wood": 1.0,
+    "fabric": 0.5,
+    "curtain": 1.0,
+}

@@ -83,8 +83,12 @@ class Plan:
 
     @cached_property
     def origin(self) -> Float:
-        return np.array([min(r.x0 for r in self.furnished.home.rooms) - 0.5,
-                         min(r.y0 for r in self.furnished.home.rooms) - 0.5])  # fmt: skip
+        return np.array(
+            [
+                min(r.x0 for r in self.furnished.home.rooms) - 0.5,
+                min(r.y0 for r in self.furnished.home.rooms) - 0.5,
+            ]
+        )
 
     @cached_property
     def occupied(self) -> NDArray[np.uint8]:
@@ -96,9 +100,11 @@ class Plan:
         for p in (*self.furnished.standing, *self.furnished.hung):
             for _, mesh in p.item.parts:
                 placed = mesh.moved((p.x, p.y, p.z), p.yaw_deg)
-                z = placed.vertices[placed.faces, 2]
-                keep = (z.max(1) > LOW_M) & (z.min(1) < self.height_m)
-                flat = placed.vertices[placed.faces[keep]][:, :, :2]
+                z = placed.vertices[:, 2]
+                # The whole part: the walls of a wardrobe alone would leave its inside free.
+                if z.max() <= LOW_M or z.min() >= self.height_m:
+                    continue
+                flat = placed.vertices[placed.faces][:, :, :2]
                 cells = np.round(((flat - self.origin) / CELL_M - 0.5) * 16).astype(np.int32)
                 for triangle in cells:
                     cv2.fillConvexPoly(grid, triangle, 1, shift=4)
@@ -108,8 +114,9 @@ class Plan:
                 run = np.array(leaf.direction) * leaf.length / 2
                 side = np.array([-leaf.direction[1], leaf.direction[0]]) * 0.02
                 middle = np.array([leaf.x, leaf.y])
-                box = np.stack([middle + a * run + b * side
-                                for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))])  # fmt: skip
+                box = np.stack(
+                    [middle + a * run + b * side for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
+                )
                 cells = np.round(((box - self.origin) / CELL_M - 0.5) * 16).astype(np.int32)
                 cv2.fillConvexPoly(grid, cells, 1, shift=4)
         return grid
@@ -152,9 +159,11 @@ def _hidden_by_leaf(leaf: Leaf, lens: Float, rays: Float, depth: Float) -> NDArr
             along = at * (rays @ d) - offset @ d
             high = lens[2] + at * rays[..., 2]
             hidden |= (
-                (at > 0) & (at <= depth + 0.03) & (np.abs(along) <= leaf.length / 2)
+                (at > 0)
+                & (at <= depth + 0.03)
+                & (np.abs(along) <= leaf.length / 2)
                 & (high <= leaf.height)
-            )  # fmt: skip
+            )
     return hidden
 
 
@@ -200,9 +209,9 @@ class _View:
         return float(np.interp(azimuth, self.middle, self.columns))
 
 
-def _through(furnished: Furnished, view: _View, portal: Portal) -> tuple[
-    NDArray[np.bool_], NDArray[np.bool_]
-]:
+def _through(
+    furnished: Furnished, view: _View, portal: Portal
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Pixels inside the opening, and those of them that look through it."""
     home = furnished.home
     lens = _wall_frame(portal, view.lens, True)
@@ -232,16 +241,19 @@ def _jambs(home_wall_m: float, portal: Portal, view: _View) -> tuple[float, floa
     low, high = portal.free
     ends = []
     for along in (low, high):
-        ends.append([
-            view.azimuth_of(np.array(portal.point(along, across)))
-            for across in (-home_wall_m / 2, home_wall_m / 2)
-        ])  # fmt: skip
+        ends.append(
+            [
+                view.azimuth_of(np.array(portal.point(along, across)))
+                for across in (-home_wall_m / 2, home_wall_m / 2)
+            ]
+        )
     a, b = (ends[0], ends[1]) if np.mean(ends[0]) > np.mean(ends[1]) else (ends[1], ends[0])
     return min(a), max(b)
 
 
-def _opening(furnished: Furnished, plan: Plan, view: _View, index: int,
-             footprint: Footprint) -> OpeningTruth | None:  # fmt: skip
+def _opening(
+    furnished: Furnished, plan: Plan, view: _View, index: int, footprint: Footprint
+) -> OpeningTruth | None:
     home, camera = furnished.home, view.camera
     portal = home.portals[index]
     inside, seen = _through(furnished, view, portal)
@@ -288,10 +300,21 @@ def _opening(furnished: Furnished, plan: Plan, view: _View, index: int,
     if portal.state == "archway" and portal.width > 1.6:
         sure = min(sure, 2)
     return OpeningTruth(
-        index, portal.state, left_px, right_px, seen_left, seen_right,
-        float((bearing + 180) % 360 - 180), float(np.hypot(*to)), (left, right), cut, share, area,
-        _clear(plan, view, target, footprint), sure,
-    )  # fmt: skip
+        index,
+        portal.state,
+        left_px,
+        right_px,
+        seen_left,
+        seen_right,
+        float((bearing + 180) % 360 - 180),
+        float(np.hypot(*to)),
+        (left, right),
+        cut,
+        share,
+        area,
+        _clear(plan, view, target, footprint),
+        sure,
+    )
 
 
 def _on_wall(portal: Portal, view: _View, azimuth: float) -> Float | None:
@@ -327,8 +350,11 @@ def _states(furnished: Furnished, view: _View, room: int) -> tuple[str, ...]:
     found: list[tuple[float, str]] = []
     targets = [(p.point(0.0), p.state) for p in furnished.home.portals_of(room)]
     targets += [((m.x, m.y), "mirror") for m in furnished.mirrors if m.room == room]
-    targets += [((p.x, p.y), "wardrobe") for p in furnished.standing
-                if p.room == room and p.item.name == "wardrobe"]  # fmt: skip
+    targets += [
+        ((p.x, p.y), "wardrobe")
+        for p in furnished.standing
+        if p.room == room and p.item.name == "wardrobe"
+    ]
     for at, state in targets:
         if abs(view.azimuth_of(np.array(at))) < half * 0.95:
             distance = float(np.hypot(at[0] - view.lens[0], at[1] - view.lens[1]))
@@ -336,8 +362,13 @@ def _states(furnished: Furnished, view: _View, room: int) -> tuple[str, ...]:
     return tuple(state for _, state in sorted(found))
 
 
-def truth_of(plan: Plan, camera: Camera, eye: Eye, depth: NDArray[np.float32],
-             footprint: Footprint = Footprint()) -> Truth:  # fmt: skip
+def truth_of(
+    plan: Plan,
+    camera: Camera,
+    eye: Eye,
+    depth: NDArray[np.float32],
+    footprint: Footprint = Footprint(),
+) -> Truth:
     """Truth of one picture from its plan and its exact depth (H, W), nan for the sky."""
     furnished = plan.furnished
     view = _View(camera, eye, depth)
@@ -353,9 +384,9 @@ def truth_of(plan: Plan, camera: Camera, eye: Eye, depth: NDArray[np.float32],
                 found.append(opening)
     width = camera.width
     counted = [
-        o for o in found
-        if (o.right_px - o.left_px) / width >= LEAST_WIDTH and o.area >= LEAST_AREA
-    ]  # fmt: skip
+        o for o in found if (o.right_px - o.left_px) / width >= LEAST_WIDTH and o.area >= LEAST_AREA
+    ]
     counted.sort(key=lambda o: -o.area)
-    return Truth(tuple(counted), floor, len(counted) < len(found),
-                 _states(furnished, view, room.index))  # fmt: skip
+    return Truth(
+        tuple(counted), floor, len(counted) < len(found), _states(furnished, view, room.index)
+    )

@@ -33,7 +33,7 @@ def photograph(home: int, camera: Camera, eye: Eye, noise: int | None = 0) -> Sh
 
 
 def save(shot: Shot, home: int, path: Path) -> list[Path]:
-    """Picture at `path`, and beside it NAME.json (truth), NAME.depth.png (16-bit mm), NAME.floor.png."""
+    """Picture at `path`; NAME.json (truth), NAME.depth.png (mm), NAME.floor.png beside it."""
     truth, depth = path.with_suffix(".json"), path.with_suffix(".depth.png")
     floor = path.with_suffix(".floor.png")
     path.parent.mkdir(parents=True, exist_ok=True)

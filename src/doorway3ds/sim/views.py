@@ -99,16 +99,21 @@ def choose(rng: Rng, plan: Plan, camera: Camera, want_open: bool, tries: int = 6
         else:
             marks = [p.point(0.0) for p in portals if not p.is_open]
             marks += [(m.x, m.y) for m in plan.furnished.mirrors if m.room == room.index] * 2
-            marks += [(p.x, p.y) for p in plan.furnished.standing
-                      if p.room == room.index and p.item.size[2] > 1.2]  # fmt: skip
+            marks += [
+                (p.x, p.y)
+                for p in plan.furnished.standing
+                if p.room == room.index and p.item.size[2] > 1.2
+            ]
             closed = [p.point(0.0) for p in portals if p.state == "closed"]
             marks += closed * 3
             heading = float(rng.uniform(0, 360))
             if marks and rng.random() < 0.8:
                 heading = _bearing(x, y, marks[int(rng.integers(len(marks)))])
                 heading += rng.uniform(-0.6, 0.6) * half
-            if any(_in_view(p.point(-p.width / 2), p.point(p.width / 2), x, y, heading, half)
-                   for p in doors):  # fmt: skip
+            if any(
+                _in_view(p.point(-p.width / 2), p.point(p.width / 2), x, y, heading, half)
+                for p in doors
+            ):
                 continue
         if _ahead(plan, room, x, y, heading) < rng.uniform(0.7, 1.4):
             continue
@@ -116,7 +121,8 @@ def choose(rng: Rng, plan: Plan, camera: Camera, want_open: bool, tries: int = 6
     return None
 
 
-def _in_view(a: tuple[float, float], b: tuple[float, float], x: float, y: float, heading: float,
-             half: float) -> bool:  # fmt: skip
+def _in_view(
+    a: tuple[float, float], b: tuple[float, float], x: float, y: float, heading: float, half: float
+) -> bool:
     middle = ((a[0] + b[0]) / 2, (a[1] + b[1]) / 2)
     return any(_gap_deg(_bearing(x, y, p), heading) < half + 4 for p in (a, middle, b))
