@@ -1,0 +1,182 @@
+"""NAO and Pepper: prepared, turned and stopped through NAOqi.
+
+Calls and their meaning are NAOqi 2.1 to 2.8's: radians, metres, + left; `moveTo` blocks until the
+robot has arrived and is cut short by `stopMove` or by another client's move.
+http://doc.aldebaran.com/2-8/naoqi/motion/control-walk-api.html
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import threading
+import time
+from typing import Any
+
+from doorway3ds.robots.base import (
+    HALTING,
+    Limits,
+    RobotError,
+    RobotLost,
+    RobotPose,
+    TurnEnd,
+    TurnResult,
+)
+from doorway3ds.robots.naoqi import Naoqi, address
+
+POSTURE, POSTURE_SPEED = "StandInit", 0.5
+HEAD_S = 1.0
+ARRIVED_DEG = 3.0
+_PREPARE_S = 30.0
+_STOP_S = 2.0
+_POLL_MS = 50
+
+_EVENTS = {
+    "robotHasFallen": TurnEnd.FALLEN,
+    "LeftBumperPressed": TurnEnd.BUMPER,
+    "RightBumperPressed": TurnEnd.BUMPER,
+    "BackBumperPressed": TurnEnd.BUMPER,
+    "footContactChanged": TurnEnd.LIFTED,
+}
+
+
+class NaoRobot:
+    """A robot at nao://host:port. Connecting moves nothing; see `prepare`."""
+
+    def __init__(self, uri: str, limits: Limits | None = None, timeout_s: float = 5.0) -> None:
+        host, port = address(uri)
+        self.name = f"nao://{host}:{port}"
+        self.limits = limits or Limits()
+        self._where = (host, port, timeout_s)
+        self._halt: TurnEnd | None = None
+        self._stopping = threading.Event()
+        self._naoqi = Naoqi(host, port, timeout_s)
+        try:
+            for service in ("ALMotion", "ALRobotPosture", "ALMemory"):
+                self._naoqi.service(service)
+            self._naoqi.on(_EVENTS, self._react)
+        except BaseException:
+            self._naoqi.close()
+            raise
+
+    def prepare(self) -> None:
+        """Motors on, posture StandInit, head to zero."""
+        self._halt = None
+        self._stopping.clear()
+        call = self._naoqi.call
+        try:
+            if not call("ALMotion", "robotIsWakeUp"):
+                call("ALMotion", "wakeUp", timeout_s=_PREPARE_S)
+            call("ALMotion", "setStiffnesses", "Head", 1.0)
+            stood = call(
+                "ALRobotPosture", "goToPosture", POSTURE, POSTURE_SPEED, timeout_s=_PREPARE_S
+            )
+            if stood is False:
+                raise RobotError(f"{self.name} did not reach the posture {POSTURE}")
+            call(
+                "ALMotion", "angleInterpolation", ["HeadYaw", "HeadPitch"], [0.0, 0.0],
+                [HEAD_S, HEAD_S], True, timeout_s=HEAD_S + self._naoqi.timeout_s,
+            )  # fmt: skip
+        except BaseException:
+            self._quietly_stop()
+            raise
+
+    def turn(self, theta_deg: float, timeout_s: float) -> TurnResult:
+        if not math.isfinite(theta_deg) or abs(theta_deg) > self.limits.max_turn_deg + 1e-9:
+            raise RobotError(
+                f"a turn is a number within {self.limits.max_turn_deg:g} deg, got {theta_deg:g}"
+            )
+        began = time.monotonic()
+        if self._halt is not None:
+            return TurnResult(theta_deg, 0.0, self._halt, 0.0)
+        self._stopping.clear()
+        before = self.pose().heading_deg
+        end = TurnEnd.LOST
+        try:
+            end = self._move(math.radians(theta_deg), began + timeout_s)
+        except RobotLost:
+            end = TurnEnd.LOST
+        finally:
+            # Also on Ctrl-C and on errors of ours: told to stop before anything else happens.
+            if end is not TurnEnd.DONE and not self._quietly_stop():
+                end = TurnEnd.LOST
+        turned = self._turned_since(before) if end is not TurnEnd.LOST else None
+        if end is TurnEnd.DONE and turned is not None and abs(turned - theta_deg) > ARRIVED_DEG:
+            end = TurnEnd.STOPPED
+        return TurnResult(theta_deg, turned, end, time.monotonic() - began)
+
+    def stop(self) -> None:
+        """Stops; over a new connection where the old one is gone.
+
+        Raises RobotLost where the robot cannot be told.
+        """
+        self._stopping.set()
+        try:
+            self._naoqi.call("ALMotion", "stopMove", timeout_s=_STOP_S)
+        except RobotLost:
+            host, port, _ = self._where
+            again = Naoqi(host, port, _STOP_S)
+            try:
+                again.call("ALMotion", "stopMove")
+            finally:
+                again.close()
+
+    def pose(self) -> RobotPose:
+        x, y, theta = self._naoqi.call("ALMotion", "getRobotPosition", True)
+        return RobotPose(float(x), float(y), math.degrees(theta))
+
+    def say(self, text: str) -> None:
+        self._naoqi.call("ALTextToSpeech", "say", text, timeout_s=_PREPARE_S)
+
+    def rest(self) -> None:
+        """Crouches and switches the motors off. Only ever called because a person asked."""
+        self._naoqi.call("ALMotion", "rest", timeout_s=_PREPARE_S)
+
+    def close(self) -> None:
+        self._naoqi.close()
+
+    def _react(self, event: str, value: Any) -> None:
+        """Bumper, fall or lost ground: stop at once, from the thread that hears of it."""
+        touched = bool(value) if event != "footContactChanged" else not value
+        if event == "robotHasFallen":
+            touched = True
+        if touched and self._halt is None:
+            self._halt = _EVENTS[event]
+            with contextlib.suppress(RobotError):
+                self._naoqi.begin("ALMotion", "stopMove")
+
+    def _move(self, theta_rad: float, deadline: float) -> TurnEnd:
+        call = self._naoqi.begin("ALMotion", "moveTo", 0.0, 0.0, theta_rad)
+        while not call.finished(_POLL_MS):
+            if self._halt is not None:
+                return self._halt
+            if self._stopping.is_set():
+                return TurnEnd.STOPPED
+            if not self._naoqi.connected:
+                return TurnEnd.LOST
+            if time.monotonic() > deadline:
+                return TurnEnd.TIMEOUT
+        if self._halt in HALTING:
+            return self._halt
+        try:
+            arrived = call.result(0.1)
+        except RobotLost:
+            raise
+        except RobotError:
+            return TurnEnd.STOPPED
+        # NAOqi 2.1 returns nothing, later versions whether it arrived.
+        return TurnEnd.STOPPED if arrived is False else TurnEnd.DONE
+
+    def _turned_since(self, before_deg: float) -> float | None:
+        try:
+            return (self.pose().heading_deg - before_deg + 180) % 360 - 180
+        except RobotError:
+            return None
+
+    def _quietly_stop(self) -> bool:
+        """Whether the robot could be told to stop."""
+        try:
+            self.stop()
+        except RobotError:
+            return False
+        return True

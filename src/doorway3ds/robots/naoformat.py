@@ -1,0 +1,88 @@
+"""NAOqi's image container, colour spaces and transforms, as values of ours.
+
+The container has 12 fields: width, height, layers, colour space, seconds, microseconds, the
+pixels, camera, and the field of view's left, top, right and bottom angle in radians.
+http://doc.aldebaran.com/2-8/naoqi/vision/alvideodevice-api.html
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.camera import Camera, Pose
+from doorway3ds.errors import UserError
+
+RESOLUTIONS = {"qqvga": 0, "qvga": 1, "vga": 2, "4vga": 3}
+SIZES = {0: (160, 120), 1: (320, 240), 2: (640, 480), 3: (1280, 960)}
+COLOURS = {"rgb": 11, "bgr": 13, "yuv422": 9, "grey": 0}
+BYTES = {11: 3, 13: 3, 9: 2, 0: 1}
+FRAME_TORSO, FRAME_WORLD, FRAME_ROBOT = 0, 1, 2
+FIELDS = 12
+
+
+def fields_of(container: Any) -> Sequence[Any]:
+    """The image container's fields; UserError where it is none."""
+    if not isinstance(container, list | tuple) or len(container) < FIELDS:
+        size = len(container) if isinstance(container, list | tuple) else type(container).__name__
+        raise UserError(f"expected an image container of {FIELDS} fields, got {size}")
+    return container
+
+
+def to_rgb(fields: Sequence[Any]) -> NDArray[np.uint8]:
+    """(H, W, 3) RGB of a container; UserError where its pixels are not what its fields say."""
+    width, height, colour = int(fields[0]), int(fields[1]), int(fields[3])
+    if colour not in BYTES:
+        raise UserError(f"expected a picture in {', '.join(COLOURS)}, got colour space {colour}")
+    if not isinstance(fields[6], bytes | bytearray | memoryview):
+        raise UserError(f"expected a picture's bytes, got {type(fields[6]).__name__}")
+    pixels = np.frombuffer(fields[6], np.uint8)
+    wanted = width * height * BYTES[colour]
+    if wanted <= 0 or pixels.size != wanted:
+        raise UserError(
+            f"expected {wanted} bytes for a {width}x{height} picture, got {pixels.size}"
+        )
+    shaped = pixels.reshape(height, width, BYTES[colour])
+    if colour == COLOURS["rgb"]:
+        return shaped.copy()
+    code = {
+        COLOURS["bgr"]: cv2.COLOR_BGR2RGB,
+        COLOURS["yuv422"]: cv2.COLOR_YUV2RGB_YUY2,
+        COLOURS["grey"]: cv2.COLOR_GRAY2RGB,
+    }[colour]
+    return np.asarray(cv2.cvtColor(shaped, code), np.uint8)
+
+
+def camera_of(fields: Sequence[Any]) -> Camera | None:
+    """Intrinsics by the container's own angles, None where they make no sense."""
+    left, top, right, bottom = (float(v) for v in fields[8:12])
+    across, down = math.tan(left) - math.tan(right), math.tan(top) - math.tan(bottom)
+    if not all(0.05 < abs(v) < 1.4 for v in (left, top, right, bottom)):
+        return None
+    if across <= 0 or down <= 0:
+        return None
+    width, height = int(fields[0]), int(fields[1])
+    fx, fy = width / across, height / down
+    return Camera(
+        "NAOqi", width, height, fx, fy, fx * math.tan(left) - 0.5, fy * math.tan(top) - 0.5
+    )
+
+
+def pose_of(transform: Sequence[float]) -> Pose:
+    """The pose of a camera (x forward, y left, z up) from its 4x4 transform in FRAME_ROBOT."""
+    if len(transform) != 16:
+        raise UserError(f"expected a transform of 16 numbers, got {len(transform)}")
+    m = np.asarray(transform, np.float64).reshape(4, 4)
+    return Pose(
+        height_m=float(m[2, 3]),
+        pitch_deg=math.degrees(math.asin(max(-1.0, min(1.0, m[2, 0])))),
+        yaw_deg=math.degrees(math.atan2(m[1, 0], m[0, 0])),
+        roll_deg=math.degrees(math.atan2(m[2, 1], m[2, 2])),
+        forward_m=float(m[0, 3]),
+        left_m=float(m[1, 3]),
+    )

@@ -1,0 +1,144 @@
+"""NAO's and Pepper's cameras: nao://192.168.1.10:9559?camera=top&resolution=vga&fps=10.
+
+Pictures come through ALVideoDevice with the camera's pose from ALMotion.
+http://doc.aldebaran.com/2-8/naoqi/vision/alvideodevice-api.html
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import time
+from typing import Any
+
+from doorway3ds.camera import Pose
+from doorway3ds.errors import CallError, UserError
+from doorway3ds.robots import naoformat
+from doorway3ds.robots.base import RobotError
+from doorway3ds.robots.naoqi import Naoqi, address
+from doorway3ds.sources.base import Shot, Source, View
+from doorway3ds.sources.live import LiveSource
+from doorway3ds.sources.uri import query
+
+CAMERAS = {"top": (0, "CameraTop"), "bottom": (1, "CameraBottom")}
+STEADY_DEG = 0.5
+"""A camera that turned by more than this while its picture was fetched has no known pose."""
+
+
+def open_uri(uri: str, view: View, **options: Any) -> Source:
+    """The source of a nao:// URI; see `doorway3ds.sources.open_source`."""
+    kinds = {"camera": str, "resolution": str, "fps": int, "colour": str, "timeout_s": float}
+    parts, given = query(uri, kinds)
+    host, port = address(uri)
+    camera = _choice(uri, "camera", given.get("camera", "top"), CAMERAS)
+    resolution = _choice(uri, "resolution", given.get("resolution", "vga"), naoformat.RESOLUTIONS)
+    colour = _choice(uri, "colour", given.get("colour", "rgb"), naoformat.COLOURS)
+    fps = given.get("fps", 10)
+    if not 1 <= fps <= 30:
+        raise CallError(f"{uri}: fps must be from 1 to 30, got {fps}")
+
+    def connect() -> NaoCapture:
+        naoqi = Naoqi(host, port, given.get("timeout_s", 5.0))
+        try:
+            return NaoCapture(naoqi, camera, resolution, colour, fps)
+        except BaseException:
+            naoqi.close()
+            raise
+
+    live = {key: options[key] for key in ("patience_s", "stall_s") if key in options}
+    name = f"nao://{host}:{port}"
+    return LiveSource(f"{name}?{parts.query}" if parts.query else name, connect, view, **live)
+
+
+def _choice(uri: str, name: str, value: str, known: dict[str, Any]) -> Any:
+    if value.lower() not in known:
+        raise CallError(f"{uri}: {name} must be one of {', '.join(known)}, got {value!r}")
+    return known[value.lower()]
+
+
+class NaoCapture:
+    """One subscription to one camera; always unsubscribed, also where setting up fails."""
+
+    def __init__(
+        self, naoqi: Naoqi, camera: tuple[int, str], resolution: int, colour: int, fps: int
+    ) -> None:
+        self._naoqi, self._fps = naoqi, fps
+        self._index, self._part = camera
+        self._stamp: tuple[int, int] | None = None
+        self._next_s = 0.0
+        client = _client()
+        self._forget_the_dead(client)
+        self._handle = naoqi.call(
+            "ALVideoDevice", "subscribeCamera", client, self._index, resolution, colour, fps
+        )
+        if not self._handle:
+            raise UserError(
+                f"the robot {naoqi.name} refused camera {self._index}; are there too many clients?"
+            )
+
+    def read(self) -> Shot | None:
+        """The newest picture, or None where there is no new one or it cannot be used."""
+        time.sleep(max(0.0, self._next_s - time.monotonic()))
+        asked_s = time.monotonic()
+        self._next_s = asked_s + 1 / self._fps
+        before = self._pose()
+        container = self._naoqi.call("ALVideoDevice", "getImageRemote", self._handle)
+        with contextlib.suppress(RobotError):
+            self._naoqi.call("ALVideoDevice", "releaseImage", self._handle)
+        if container is None:
+            return None
+        try:
+            fields = naoformat.fields_of(container)
+            image, camera = naoformat.to_rgb(fields), naoformat.camera_of(fields)
+        except UserError:
+            return None  # cut short on its way; the next one may be whole
+        stamp = (int(fields[4]), int(fields[5]))
+        if stamp == self._stamp:
+            return None
+        self._stamp = stamp
+        after = self._pose()
+        if not _alike(before, after):
+            return None
+        # The exposure lies before the request; one period covers a picture that waited for us.
+        return Shot(image, asked_s - 1 / self._fps, camera, after)
+
+    def close(self) -> None:
+        with contextlib.suppress(RobotError):
+            self._naoqi.call("ALVideoDevice", "unsubscribe", self._handle, timeout_s=1.0)
+        self._naoqi.close()
+
+    def _pose(self) -> Pose:
+        values = self._naoqi.call(
+            "ALMotion", "getTransform", self._part, naoformat.FRAME_ROBOT, True
+        )
+        return naoformat.pose_of(values)
+
+    def _forget_the_dead(self, client: str) -> None:
+        """Unsubscribes what crashed processes of this computer left behind; their number counts."""
+        computer = client.rpartition("-")[0] + "-"
+        with contextlib.suppress(RobotError):
+            for handle in self._naoqi.call("ALVideoDevice", "getSubscribers") or []:
+                if str(handle).startswith(computer):
+                    process = str(handle).removeprefix(computer).partition("_")[0]
+                    if process.isdigit() and not _alive(int(process)):
+                        self._naoqi.call("ALVideoDevice", "unsubscribe", handle)
+
+
+def _alike(a: Pose, b: Pose) -> bool:
+    angles = ("pitch_deg", "yaw_deg", "roll_deg")
+    return all(abs(getattr(a, name) - getattr(b, name)) <= STEADY_DEG for name in angles)
+
+
+def _client() -> str:
+    return f"doorway3ds-{socket.gethostname().split('.')[0]}-{os.getpid()}"
+
+
+def _alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
