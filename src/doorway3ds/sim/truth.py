@@ -297,7 +297,8 @@ def _opening(
     share = float(seen.sum() / max(inside.sum(), 1))
     width = (right_px - left_px) / camera.width
     sure = 3 if width > 0.05 and share > 0.35 and area > 0.012 else 2
-    if portal.state == "archway" and portal.width > 1.6:
+    # A wide passage, or one of which a single jamb is seen, is a matter of taste.
+    if portal.state == "archway" and (portal.width > 1.6 or cut is not None):
         sure = min(sure, 2)
     return OpeningTruth(
         index,
