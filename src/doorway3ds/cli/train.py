@@ -5,11 +5,47 @@ from __future__ import annotations
 import shlex
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from doorway3ds.cli._training import Count, Watch, command_line, say
+from doorway3ds.errors import CallError
+
 app = typer.Typer(help="Train networks from pictures.", no_args_is_help=True)
+
+Weights = Annotated[
+    str,
+    typer.Option(
+        metavar="imagenet|none|FILE",
+        help="First weights: Keras' download, random, or an HDF5 file of Keras 1 or 2.",
+    ),
+]
+Epochs = Annotated[int, typer.Option(min=1)]
+Rate = Annotated[float, typer.Option(help="Of Adam.")]
+Batch = Annotated[int, typer.Option(min=1, help="Pictures per step.")]
+Validation = Annotated[float, typer.Option(min=0.01, max=0.9, help="Share held out.")]
+Patience = Annotated[
+    int,
+    typer.Option(min=0, help="Stop after so many epochs without gain, keep the best; 0: never."),
+]
+Group = Annotated[
+    str,
+    typer.Option(
+        help="What is never split: auto (places named by the data, else near-duplicates), near, "
+        "folder."
+    ),
+]
+Pattern = Annotated[
+    str | None, typer.Option(metavar="REGEX", help="Place = its first group, in the file's name.")
+]
+Precision = Annotated[str, typer.Option(help="auto (bfloat16 on a GPU), float32, bfloat16.")]
+Licence = Annotated[str | None, typer.Option(help="Of the pictures; noted on the card.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in --out.")]
+Threads = Annotated[int | None, typer.Option(min=1, help="CPU threads.  [default: all]")]
+Install = Annotated[
+    bool, typer.Option("--install/--no-install", help="Let `--network` find the file by name.")
+]
 
 
 @app.callback()
@@ -42,6 +78,9 @@ def doornet(
     calibration: Annotated[
         Path | None,
         typer.Option(metavar="CARD", help="doornet.json of a held-out run, for one on everything."),
+    ] = None,
+    init: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Weights of an earlier run to start from.")
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Instead of the recipe's.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on after the last stage.")] = False,
@@ -78,6 +117,7 @@ def doornet(
         hold_out=fold,
         report=None if report is None else report - 1,
         calibration=calibration,
+        init=init,
         resume=resume,
         command=shlex.join(["3ds", *sys.argv[1:]]),
     )
@@ -98,3 +138,220 @@ def limits(
 
     found = tune_run(folder, dataset, split, lambda line: typer.echo(line, err=True))
     typer.echo(f"{folder / 'doornet.onnx'} now carries {found}")
+
+
+@app.command("cnn-srin")
+def cnn_srin(
+    dataset: Annotated[
+        Path, typer.Argument(help="Folder with no-door/ and open-door/, or a CSV: image, class.")
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for checkpoints, logs and the result.")] = Path(
+        "runs/cnn-srin"
+    ),
+    epochs: Epochs = 20,
+    learning_rate: Rate = 1e-3,
+    batch: Batch = 32,
+    weights: Weights = "imagenet",
+    copies: Annotated[
+        int, typer.Option(min=0, help="Augmented copies of each training picture.")
+    ] = 0,
+    fine_tune: Annotated[
+        int, typer.Option(min=0, metavar="EPOCHS", help="Then train VGG16's top block, too.")
+    ] = 0,
+    validation: Validation = 0.2,
+    patience: Patience = 0,
+    group: Group = "auto",
+    group_pattern: Pattern = None,
+    places: Annotated[Path | None, typer.Option(metavar="FILE", help="CSV: image, place.")] = None,
+    half_open: Annotated[
+        str, typer.Option(help="Half-open doors: leave-out, open or not-open.")
+    ] = "leave-out",
+    layout: Annotated[str | None, typer.Option(help="As of `3ds eval`; told if left out.")] = None,
+    limit: Annotated[int | None, typer.Option(min=1, help="At most so many per class.")] = None,
+    seed: int = 0,
+    precision: Precision = "auto",
+    licence: Licence = None,
+    install: Install = True,
+    resume: Resume = False,
+    threads: Threads = None,
+) -> None:
+    """Train the paper's classifier on pictures with and without an open doorway."""
+    from doorway3ds.evaluate.readers import read_places
+    from doorway3ds.train import engine, outcome
+    from doorway3ds.train.doorpictures import read_door_pictures
+    from doorway3ds.train.srinrun import SrinOptions, train_cnn_srin
+
+    _require_precision(precision)
+    engine.start(threads)
+    team = engine.join()
+    count = Count()
+    pictures = read_door_pictures(
+        dataset,
+        layout=layout,
+        places=None if places is None else read_places(places),
+        grouping=group,
+        pattern=group_pattern,
+        half_open=half_open,
+        limit=limit,
+        seed=seed,
+        seen=count,
+    )
+    count.clear()
+    if team.leads:
+        say(
+            f"{len(pictures.samples)} pictures, {len(set(pictures.groups))} groups by "
+            f"{pictures.grouping}; left out: {len(pictures.left_out)}"
+        )
+    card = train_cnn_srin(
+        pictures,
+        SrinOptions(
+            epochs=epochs,
+            learning_rate=learning_rate,
+            batch=batch,
+            weights=weights,
+            copies=copies,
+            fine_tune=fine_tune,
+            validation=validation,
+            patience=patience,
+            seed=seed,
+            precision=precision,
+        ),
+        out,
+        resume=resume,
+        watcher=Watch(epochs),
+        seen=count,
+        team=team,
+        facts={"data": str(dataset), "command": command_line(), "licence": licence},
+    )
+    if team.leads:
+        leaks = card["near_copies_across_the_split"]
+        typer.echo(f"near-copies across the split: {leaks}")
+        accuracy = card["held_out"]["wilson"]["accuracy"]
+        typer.echo(
+            f"held-out accuracy {accuracy['value']:.3f} "
+            f"({accuracy['low']:.3f} to {accuracy['high']:.3f}, n = {accuracy['n']})"
+        )
+        _finish(outcome, "cnn-srin", out, card, licence, install)
+    engine.leave()
+
+
+@app.command()
+def densedepth(
+    dataset: Annotated[
+        Path,
+        typer.Argument(help="Folder of pictures with depth, or DenseDepth's own nyu_data.zip."),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for checkpoints, logs and the result.")] = Path(
+        "runs/densedepth"
+    ),
+    unit_m: Annotated[
+        float | None,
+        typer.Option(metavar="M", help="Metres per count of depth, where the data do not say."),
+    ] = None,
+    setting: Annotated[
+        str, typer.Option(help="nyu: 480x640, 0.1 to 10 m. kitti: 384x1280, 1 to 80 m.")
+    ] = "nyu",
+    epochs: Epochs = 20,
+    learning_rate: Rate = 1e-4,
+    batch: Batch = 4,
+    weights: Weights = "imagenet",
+    freeze_encoder: Annotated[
+        bool,
+        typer.Option("--freeze-encoder", help="As the paper's text; its code trains it."),
+    ] = False,
+    augment: Annotated[
+        bool, typer.Option("--augment/--no-augment", help="Mirrored, colour channels swapped.")
+    ] = True,
+    half_decoder: Annotated[
+        bool, typer.Option("--half-decoder", help="Half as many filters: the code's own default.")
+    ] = False,
+    validation: Validation = 0.1,
+    patience: Patience = 0,
+    group: Group = "auto",
+    group_pattern: Pattern = None,
+    limit: Annotated[int | None, typer.Option(min=2, help="At most so many pictures.")] = None,
+    seed: int = 0,
+    precision: Precision = "auto",
+    licence: Licence = None,
+    install: Install = True,
+    resume: Resume = False,
+    threads: Threads = None,
+) -> None:
+    """Train the paper's depth network (DenseNet-169) on pictures with depth."""
+    from doorway3ds.train import engine, outcome
+    from doorway3ds.train.densedepth import SETTINGS
+    from doorway3ds.train.depthpairs import read_depth_pairs
+    from doorway3ds.train.depthrun import DepthOptions, train_densedepth
+
+    _require_precision(precision)
+    if setting not in SETTINGS:
+        raise CallError(f"--setting must be {', '.join(SETTINGS)}, got {setting!r}")
+    engine.start(threads)
+    team = engine.join()
+    count = Count()
+    pairs = read_depth_pairs(
+        dataset,
+        SETTINGS[setting],
+        unit_m=unit_m,
+        unpack=out / "data",
+        grouping=group,
+        pattern=group_pattern,
+        limit=limit,
+        seed=seed,
+        seen=count,
+    )
+    count.clear()
+    if team.leads:
+        say(
+            f"{len(pairs.samples)} pictures, {len(set(pairs.groups))} groups by "
+            f"{pairs.grouping}; median depth {pairs.median_m:.2f} m; "
+            f"left out: {len(pairs.left_out)}"
+        )
+    card = train_densedepth(
+        pairs,
+        DepthOptions(
+            setting=setting,
+            epochs=epochs,
+            learning_rate=learning_rate,
+            batch=batch,
+            weights=weights,
+            freeze_encoder=freeze_encoder,
+            augment=augment,
+            filters=832 if half_decoder else None,
+            validation=validation,
+            patience=patience,
+            seed=seed,
+            precision=precision,
+        ),
+        out,
+        resume=resume,
+        watcher=Watch(epochs),
+        team=team,
+        facts={"data": str(dataset), "command": command_line(), "licence": licence},
+    )
+    if team.leads:
+        typer.echo(f"near-copies across the split: {card['near_copies_across_the_split']}")
+        delta1, rmse = (card["held_out"]["metrics"][key] for key in ("delta1", "rmse"))
+        typer.echo(f"held out: delta1 {delta1['value']:.3f}, RMSE {rmse['value']:.3f} m")
+        # of another size than `3ds look` feeds, a file for KITTI is not installed
+        _finish(outcome, "densedepth", out, card, licence, install and setting == "nyu")
+    engine.leave()
+
+
+def _require_precision(precision: str) -> None:
+    names = ("auto", "float32", "bfloat16")
+    if precision not in names:
+        raise CallError(f"--precision must be {', '.join(names)}, got {precision!r}")
+
+
+def _finish(
+    outcome: Any, name: str, out: Path, card: dict[str, Any], licence: str | None, install: bool
+) -> None:
+    """Says what was written and installs it."""
+    path = out / f"{name}.onnx"
+    typer.echo(
+        f"{path}: {card['bytes'] / 1e6:.1f} MB, ONNX Runtime and Keras differ by "
+        f"{card['parity']:.1e} of the largest output; report: {out / 'report.html'}"
+    )
+    if install:
+        typer.echo(f"{name}: installed {outcome.install(name, path, licence)}")

@@ -158,6 +158,7 @@ def train_doornet(
     hold_out: tuple[int, int] | None = None,
     report: int | None = None,
     calibration: Path | None = None,
+    init: Path | None = None,
     resume: bool = False,
     command: str = "",
 ) -> dict[str, Any]:
@@ -165,11 +166,14 @@ def train_doornet(
 
     hold_out: (fold, folds) of places kept for calibration and limits. report: a further fold
     that is kept from everything, so that it can be reported on. calibration: the card of an
-    earlier held-out run, for a training on everything.
+    earlier held-out run, for a training on everything. init: weights of an earlier run of the
+    same recipe's network to start from.
     """
     samples = read_all(folders, teachers, recipe)
     kept, held = split(samples, *hold_out, report) if hold_out else (samples, [])
     net = build_doornet(teachers.semantic, teachers.depth, recipe.network)
+    if init is not None:
+        load_weights(net, init)
     fit(
         net,
         kept,
@@ -214,6 +218,16 @@ def train_doornet(
     card["sha256"], card["bytes"] = sha256(path), path.stat().st_size
     write_bytes(out / "doornet.json", (json.dumps(card, indent=2) + "\n").encode())
     return card
+
+
+def load_weights(net: DoorNet, path: Path) -> None:
+    """Weights of an earlier run; UserError where the file is none of this network's."""
+    try:
+        net.whole.load_weights(path)
+    except Exception as error:
+        # Keras raises whatever h5py or its own shape checks raise
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise UserError(f"{path} holds no weights of this network: {reason}") from error
 
 
 def read_calibration(path: Path) -> tuple[Calibration, dict[str, Any]]:
