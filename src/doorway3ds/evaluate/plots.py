@@ -21,7 +21,7 @@ GO_ROWS = ("within_5deg", "inside", "go_when_clear", "go_when_blocked", "go_with
 
 def bearing_errors(runs: Mapping[str, Sequence[DirectionRecord]]) -> bytes:
     """Share of doorway pictures whose bearing error is at most so many degrees."""
-    with _figure() as (axes, done):
+    with figure() as (axes, done):
         for color, (name, records) in zip(_colors(), runs.items(), strict=False):
             doorway = [judge(r) for r in records if r.truth.openings]
             if not doorway:
@@ -40,7 +40,7 @@ def bearing_errors(runs: Mapping[str, Sequence[DirectionRecord]]) -> bytes:
 
 def shares(runs: Mapping[str, DirectionMetrics]) -> bytes:
     """The table's main shares as points with intervals."""
-    with _figure() as (axes, done):
+    with figure() as (axes, done):
         for number, (color, (name, scored)) in enumerate(
             zip(_colors(), runs.items(), strict=False)
         ):
@@ -60,7 +60,7 @@ def shares(runs: Mapping[str, DirectionMetrics]) -> bytes:
 
 def roc(runs: Mapping[str, Sequence[ClassifierRecord]]) -> bytes:
     """True- against false-positive rate."""
-    with _figure() as (axes, done):
+    with figure() as (axes, done):
         for color, (name, records) in zip(_colors(), runs.items(), strict=False):
             false, true = metrics.roc_curve(
                 [r.is_open for r in records], [r.p_open for r in records]
@@ -76,7 +76,7 @@ def roc(runs: Mapping[str, Sequence[ClassifierRecord]]) -> bytes:
 
 def reliability(runs: Mapping[str, ClassifierMetrics]) -> bytes:
     """Share really open against the probability given; the dot's area is the bin's pictures."""
-    with _figure() as (axes, done):
+    with figure() as (axes, done):
         for color, (name, scored) in zip(_colors(), runs.items(), strict=False):
             c = scored.calibration
             axes.plot(c.probability, c.frequency, color=color, linewidth=1)
@@ -91,7 +91,7 @@ def reliability(runs: Mapping[str, ClassifierMetrics]) -> bytes:
 
 def depth_spread(runs: Mapping[str, Sequence[DepthRecord]]) -> bytes:
     """Share of pictures whose delta1 is at most so much."""
-    with _figure() as (axes, done):
+    with figure() as (axes, done):
         for color, (name, records) in zip(_colors(), runs.items(), strict=False):
             values = np.sort([r.errors.delta1 for r in records if r.errors.pixels])
             share = np.arange(1, len(values) + 1) / max(len(values), 1)
@@ -106,7 +106,7 @@ def _colors() -> Sequence[str]:
 
 
 @contextmanager
-def _figure() -> Iterator[tuple[Any, Callable[[], bytes]]]:
+def figure() -> Iterator[tuple[Any, Callable[[], bytes]]]:
     """Axes to draw on, and a function that gives the finished picture's PNG bytes."""
     try:
         from matplotlib.figure import Figure
