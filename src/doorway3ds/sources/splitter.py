@@ -19,12 +19,11 @@ _SOI, _EOI, _SOS = 0xD8, 0xD9, 0xDA
 class Splitter:
     """Feed it bytes as they come; each call gives the images that are now complete.
 
-    Bytes that belong to no JPEG or PNG are dropped. dropped: images given up, cut short by the
-    next one or larger than `largest` bytes.
+    Bytes that belong to no JPEG or PNG are dropped, and so is an image larger than `largest`
+    bytes. One that breaks off is given as far as it goes: its decoder will refuse it.
     """
 
     def __init__(self, largest: int = LARGEST) -> None:
-        self.dropped = 0
         self._largest = largest
         self._data = bytearray()
         self._at = 0  # how far the image at the start of the data is understood
@@ -38,16 +37,13 @@ class Splitter:
             if not self._inside and not self._begin():
                 return found
             end = self._end_of_png() if self._data[0] == _PNG[0] else self._end_of_jpeg()
-            if end is None:
-                if len(self._data) <= self._largest:
-                    return found
-                end = -3
-            if end < 0:
-                self.dropped += 1
-                del self._data[:-end]
-            else:
+            if end is not None:
                 found.append(bytes(self._data[:end]))
                 del self._data[:end]
+            elif len(self._data) > self._largest:
+                del self._data[: len(_JPEG)]
+            else:
+                return found
             self._inside = False
 
     def rest(self) -> list[bytes]:
@@ -69,7 +65,7 @@ class Splitter:
         return True
 
     def _end_of_jpeg(self) -> int | None:
-        """Where the image ends; None: not yet; negative: drop that many bytes, it is broken."""
+        """Where the image ends or breaks off; None: not yet."""
         data = self._data
         while True:
             if self._scan:
@@ -83,7 +79,7 @@ class Splitter:
             if self._at + 2 > len(data):
                 return None
             if data[self._at] != 0xFF or data[self._at + 1] == _SOI:
-                return -max(self._at, 2)  # not a marker, or the next picture begins
+                return self._at  # no marker, or the next picture begins
             kind = data[self._at + 1]
             if kind == _EOI:
                 return self._at + 2
@@ -100,7 +96,7 @@ class Splitter:
         while self._at + 12 <= len(data):
             length = int.from_bytes(data[self._at : self._at + 4], "big")
             if length > self._largest:
-                return -len(_PNG)
+                return self._at
             end = self._at + 12 + length
             if end > len(data):
                 return None

@@ -107,7 +107,10 @@ def _by_path(name: str, view: View, options: dict[str, Any]) -> Source:
 
 def without_password(uri: str) -> str:
     """The URI as it may be shown: a password in it becomes ***."""
-    parts = urlsplit(uri)
+    try:
+        parts = urlsplit(uri)
+    except ValueError as error:
+        raise CallError(f"{uri} is no address: {error}") from error
     if parts.password is None:
         return uri
     user, _, host = parts.netloc.rpartition("@")
