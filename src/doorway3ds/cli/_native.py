@@ -18,16 +18,19 @@ class NativeErrors:
     def __init__(self) -> None:
         from tempfile import TemporaryFile
 
-        self._file: IO[bytes] = TemporaryFile()  # noqa: SIM115  # lives as long as the process
+        self._file: IO[bytes] | None = None
+        with contextlib.suppress(OSError):  # nowhere to write: the lines go where they went
+            self._file = TemporaryFile()  # noqa: SIM115  # lives as long as the process
 
     @contextlib.contextmanager
     def collect(self) -> Iterator[list[str]]:
         """Gives a list that holds, after the block, the different lines written during it."""
         lines: list[str] = []
-        try:
+        saved = None
+        with contextlib.suppress(OSError, AttributeError):  # started without a standard error
             sys.stderr.flush()
             saved = os.dup(2)
-        except (OSError, AttributeError):  # started without a standard error
+        if self._file is None or saved is None:
             yield lines
             return
         os.dup2(self._file.fileno(), 2)

@@ -144,6 +144,8 @@ def _open(path: Path, threads: int | None, providers: Sequence[str] | None) -> A
     options.intra_op_num_threads = threads or available_threads()
     options.inter_op_num_threads = 1
     options.use_deterministic_compute = True
+    # Threads that spin while they wait take the CPU from whatever else the robot runs.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 4  # what matters arrives as an exception
     try:
         return ort.InferenceSession(
