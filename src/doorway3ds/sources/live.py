@@ -44,7 +44,13 @@ class LiveSource(Source):
         self._gone: str | None = None
         self._crash: BaseException | None = None
         self._wait_s = FIRST_WAIT_S
-        capture = self._try_connect()
+        self._away = False
+        try:
+            capture = connect()
+        except SourceLost:
+            raise
+        except (OSError, UserError) as error:
+            raise SourceLost(f"{name} cannot be opened: {error}") from error
         self._last_s = time.monotonic()
         self._thread = threading.Thread(
             target=self._run, args=(capture,), name=f"reader of {name}", daemon=True
@@ -143,41 +149,36 @@ class LiveSource(Source):
             self._shot = shot
             self._last_s = time.monotonic()
             self._wait_s = FIRST_WAIT_S
-            back = self.problem is not None
-            self.problem = None
+            back, self._away, self.problem = self._away, False, None
             self._news.notify_all()
         if back:
             self.notice(f"{self.name} is back")
 
     def _reconnect(self, reason: str) -> Capture | None:
         """A new connection; None when closing, or when patience has run out."""
-        if self.problem is None:
+        if not self._away:
+            self._away = True
             self.notice(f"{self.name} is lost: {reason}; trying again")
         self.problem = reason
         while not self._closing.wait(self._wait_s):
             self._wait_s = min(2 * self._wait_s, LONGEST_WAIT_S)
-            silent_s = time.monotonic() - self._last_s
             try:
-                capture = self._try_connect()
-            except UserError as error:
+                capture = self._connect()
+            except (OSError, UserError) as error:
                 self.problem = str(error)
             else:
                 self.reconnects += 1
                 return capture
-            if self._patience_s is not None and silent_s > self._patience_s:
+            if self._patience_s is None:
+                continue
+            left_s = self._last_s + self._patience_s - time.monotonic()
+            if left_s <= 0:
                 with self._news:
                     self._gone = self._lost(self.problem)
                     self._news.notify_all()
                 return None
+            self._wait_s = min(self._wait_s, max(left_s, 0.01))
         return None
-
-    def _try_connect(self) -> Capture:
-        try:
-            return self._connect()
-        except SourceLost:
-            raise
-        except (OSError, UserError) as error:
-            raise SourceLost(f"{self.name} cannot be opened: {error}") from error
 
     def _lost(self, reason: str) -> str:
         return f"{self.name} gave no picture for {self._patience_s:g} s: {reason}"
