@@ -1,0 +1,122 @@
+"""The application: routes, errors and the shield put together."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from typing import Any, cast
+
+from fastapi import FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+
+from doorway3ds import __version__
+from doorway3ds.errors import UserError
+from doorway3ds.server import routes
+from doorway3ds.server.body import invalid
+from doorway3ds.server.choice import Pipelines
+from doorway3ds.server.errors import ApiError
+from doorway3ds.server.hall import Hall, hall_of
+from doorway3ds.server.settings import Settings
+from doorway3ds.server.shield import Shield
+from doorway3ds.server.work import ClientGone
+from doorway3ds.sources.base import Source
+
+log = logging.getLogger(__name__)
+
+_CODES = {404: "not_found", 405: "method_not_allowed"}
+
+
+def create_app(
+    settings: Settings,
+    source: tuple[str, Callable[[], Source]] | None = None,
+    pipelines: Pipelines | None = None,
+) -> Shield:
+    """The whole application, for any ASGI server.
+
+    source: the name of the server's own source and how to open it. pipelines: default: those that
+    `settings` names, opened here, so that a missing network is an error before anybody asks.
+
+    Raises UserError where the network cannot be opened.
+    """
+    hall = Hall(settings, source, pipelines)
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        if hall.live is not None:
+            hall.live.start()
+        yield
+        hall.end()
+        if hall.live is not None:
+            await asyncio.to_thread(hall.live.stop)
+        await asyncio.to_thread(hall.work.close)
+
+    app = FastAPI(
+        title="doorway3ds",
+        summary="Open doorways, their direction and the way to them, from one picture.",
+        version=__version__,
+        license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
+        lifespan=lifespan,
+        docs_url=None,  # they load scripts from elsewhere
+        redoc_url=None,
+        redirect_slashes=False,
+    )
+    app.state.hall = hall
+    app.include_router(routes.router)
+    _answer_errors(app)
+    paths = frozenset({*app.openapi()["paths"], "/openapi.json", "/"})
+    if settings.token is not None:
+        _ask_for_token(app)
+    return Shield(app, hall, paths)
+
+
+def _ask_for_token(app: FastAPI) -> None:
+    schema = app.openapi()
+    schema.setdefault("components", {})["securitySchemes"] = {
+        "token": {"type": "http", "scheme": "bearer"}
+    }
+    for path, operations in schema["paths"].items():
+        if path != "/healthz":
+            for operation in operations.values():
+                operation["security"] = [{"token": []}]
+
+
+def _answer_errors(app: FastAPI) -> None:
+    """Every error is one JSON object."""
+
+    async def api(request: Request, error: Exception) -> Response:
+        known = cast(ApiError, error)
+        hall_of(request).metrics.count("doorway3ds_refused_total", code=known.code)
+        return Response(known.body(), known.status, known.headers, "application/json")
+
+    async def user(request: Request, error: Exception) -> Response:
+        return await api(request, ApiError(400, "bad_image", str(error)))
+
+    async def validation(request: Request, error: Exception) -> Response:
+        return await api(request, invalid(cast(RequestValidationError, error).errors()))
+
+    async def http(request: Request, error: Exception) -> Response:
+        known = cast(HTTPException, error)
+        code = _CODES.get(known.status_code, "bad_request")
+        headers = dict(known.headers or {})
+        return await api(request, ApiError(known.status_code, code, str(known.detail), headers))
+
+    async def gone(request: Request, _: Exception) -> Response:
+        return await api(request, ApiError(499, "client_gone", "the client hung up"))
+
+    async def bug(request: Request, error: Exception) -> Response:
+        log.error("%s %s failed", request.method, request.url.path, exc_info=error)
+        return await api(request, ApiError(500, "bug", "the server failed; see its log"))
+
+    handlers: dict[Any, Any] = {
+        ApiError: api,
+        UserError: user,
+        RequestValidationError: validation,
+        HTTPException: http,
+        ClientGone: gone,
+        Exception: bug,
+    }
+    for kind, handler in handlers.items():
+        app.add_exception_handler(kind, handler)
