@@ -198,6 +198,7 @@ def read_rendered(folder: Path) -> list[Sample]:
         depth = np.where(known, millimetres / 1000.0, np.nan).astype(np.float32)
         height, width = image.shape[:2]
         focal = float(rows[0]["fx_px"])
+        glimpse = rows[0]["open"] == "0" and rows[0]["confidence"] == "1"
         # only floor or not is known: everything else keeps its class unknown
         segments = np.where(floor > 127, 2, UNKNOWN).astype(np.uint8)
         first = rows[0]
@@ -220,6 +221,8 @@ def read_rendered(folder: Path) -> list[Sample]:
                 ),
                 depth_m=depth,
                 segments=segments,
+                # not open and only guessed: a doorway is glimpsed, too little of it to count
+                weight=0.0 if glimpse else _CONFIDENCE[int(first["confidence"])],
                 extra={"floor": floor > 127},
             )
         )
