@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from doorway3ds.cli._camera import CameraChoice, CameraOptions, require_range
+from doorway3ds.cli._camera import CameraChoice, CameraOptions
 from doorway3ds.cli._inputs import Input, expand
 from doorway3ds.cli._native import NativeErrors
+from doorway3ds.cli._pipeline import build_pipeline
 from doorway3ds.cli._progress import Progress
 from doorway3ds.errors import CallError, UserError
 
@@ -63,7 +64,8 @@ def look(
     Exit status: 0 every image was answered, 1 some were not, 2 wrong call.
     """
     options = CameraOptions(camera, fov_deg, height_m, pitch_deg, roll_deg)
-    pipeline, choice = _set_up(method, network, options, width_m, max_unseen_m, threads)
+    choice = options.resolve()
+    pipeline = build_pipeline(method, network, width_m, max_unseen_m, threads)
     if out is None and not as_json:
         out = OUT
     for folder in (out, depth_dir):
@@ -179,40 +181,6 @@ def _turned(bearing_deg: float) -> str:
     if abs(bearing_deg) < 0.05:
         return "straight ahead"
     return f"{abs(bearing_deg):.1f} deg {'left' if bearing_deg > 0 else 'right'}"
-
-
-def _set_up(
-    method: str,
-    network: str,
-    options: CameraOptions,
-    width_m: float | None,
-    max_unseen_m: float | None,
-    threads: int | None,
-) -> tuple[Pipeline, CameraChoice]:
-    """Everything that can be wrong with the call is found here, before the first picture."""
-    if method not in ("opening", "paper"):
-        raise CallError(f"--method must be opening or paper, got {method!r}")
-    require_range("--width-m", width_m, 0.01, 5)
-    require_range("--max-unseen-m", max_unseen_m, 0, 100)
-    choice = options.resolve()
-
-    from doorway3ds.decision import Gates
-    from doorway3ds.networks import load
-    from doorway3ds.pipeline import NEEDS, Pipeline
-
-    needs = NEEDS["paper" if method == "paper" else "opening"]
-    try:
-        pipeline = Pipeline(
-            load(network, threads=threads, needs=needs),
-            method="paper" if method == "paper" else "opening",
-            gates=Gates(max_unseen_m=max_unseen_m),
-        )
-    except UserError as error:
-        raise CallError(str(error)) from error
-    if width_m is not None and pipeline.params is not None:
-        clearance = replace(pipeline.params.clearance, width_m=width_m)
-        pipeline = replace(pipeline, params=replace(pipeline.params, clearance=clearance))
-    return pipeline, choice
 
 
 def _make_folder(folder: Path) -> None:

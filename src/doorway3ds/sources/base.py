@@ -64,12 +64,17 @@ class Source(ABC):
     ...     for frame in source:
     ...         print(pipeline(frame).turn_deg)
 
-    name: the URI without its password. live: frames come when the world gives them; only the
-    newest is kept. skipped: frames that came and were not handed out. damaged: pictures that
-    could not be decoded. reconnects: how often the connection was made again. frame_name: what
-    the last frame is called (a file of a folder, else `name`). problem: why no picture comes at
-    the moment, in words, or None. ended: no further frame will come. notice: called with one line
-    for each picture left out and each change of the connection, perhaps from another thread.
+    name: the URI without its password.
+    fps: pictures a second, where that is known.
+    live: frames come when the world gives them; only the newest is kept.
+    skipped: frames that came and were not handed out.
+    damaged: pictures that could not be decoded.
+    reconnects: how often the connection was made again.
+    frame_name: what the last frame is called: a file of a folder, else `name`.
+    problem: why no picture comes at the moment, in words, or None.
+    ended: no further frame will come.
+    notice: called with one line for each picture left out and each change of the connection,
+        perhaps from another thread.
 
     Frames' stamps are `time.monotonic()` for live sources, the time in the film for others.
     """
@@ -79,6 +84,7 @@ class Source(ABC):
     def __init__(self, name: str) -> None:
         self.name = name
         self.frame_name = name
+        self.fps: float | None = None
         self.skipped = 0
         self.damaged = 0
         self.reconnects = 0

@@ -52,7 +52,8 @@ class Stills(Source):
         if not paths:
             raise UserError(f"{name} holds no image; expected .jpg, .png, .webp, .tif, .bmp, .ppm")
         self._paths, self._view = list(paths), view or View()
-        self._fps, self._pace, self._loop = fps or 10.0, pace, loop
+        self.fps = self._rate = fps or 10.0
+        self._pace, self._loop = pace, loop
         self._clock = Clock()
         self._next = 0
         self._answered = 0
@@ -63,7 +64,7 @@ class Stills(Source):
             if turn and (place == 0 or self.ended) and not (self._loop and self._answered):
                 self.ended = True
                 return None
-            stamp_s = self._next / self._fps
+            stamp_s = self._next / self._rate
             if self._pace:
                 if not self._clock.wait_for(stamp_s, timeout_s):
                     return None
@@ -113,7 +114,7 @@ class StreamOfImages(Source):
             if sys.stdin is None or sys.stdin.isatty():
                 raise UserError("- means images on standard input, but nothing is piped in")
             stream = sys.stdin.buffer
-        self._stream, self._view, self._fps = stream, view or View(), fps
+        self._stream, self._view, self.fps = stream, view or View(), fps
         self._splitter = Splitter()
         self._waiting: list[bytes] = []
         self._count = 0
@@ -126,7 +127,7 @@ class StreamOfImages(Source):
                 continue
             data = self._waiting.pop(0)
             self._count += 1
-            stamp_s = time.monotonic() if self._fps is None else (self._count - 1) / self._fps
+            stamp_s = time.monotonic() if self.fps is None else (self._count - 1) / self.fps
             name = f"image {self._count} of standard input"
             try:
                 picture = read_image(data, name=name)

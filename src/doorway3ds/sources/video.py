@@ -39,7 +39,8 @@ class VideoFile(Source):
         self._lock = threading.Lock()  # OpenCV's readers must not be released while they read
         self._film = self._open()
         fps = self._film.get(cv2.CAP_PROP_FPS)
-        self._period_s = 1 / (fps if math.isfinite(fps) and 0 < fps <= 1000 else _ASSUMED_FPS)
+        self.fps = fps if math.isfinite(fps) and 0 < fps <= 1000 else _ASSUMED_FPS
+        self._period_s = 1 / self.fps
         count = self._film.get(cv2.CAP_PROP_FRAME_COUNT)
         self._announced = int(count) if math.isfinite(count) and 0 < count < 1e9 else 0
         self._number = 0
