@@ -48,12 +48,26 @@ def fetch(
 @app.command("import")
 def import_file(
     name: str,
-    file: Annotated[Path, typer.Argument(help="An ONNX file of the network's signature.")],
+    file: Annotated[
+        Path, typer.Argument(help="An ONNX file of the network's signature, or a Keras .h5 file.")
+    ],
     licence: Annotated[str | None, typer.Option(help="Noted on the file's card.")] = None,
 ) -> None:
-    """Install an ONNX file, such as `3ds train` writes, under a network's name."""
+    """Install an ONNX file, such as `3ds train` writes, under a network's name.
+
+    For cnn-srin and densedepth also their authors' Keras 1 or 2 weights (.h5), which become one.
+    """
     from doorway3ds.networks.registry import install
 
+    if file.suffix.lower() in (".h5", ".hdf5", ".keras"):
+        from doorway3ds.train.convert import import_published
+
+        path, difference = import_published(name, file, licence)
+        typer.echo(
+            f"{name}: installed {path}, ONNX Runtime and Keras differ by {difference:.1e} "
+            f"of the largest output"
+        )
+        return
     typer.echo(f"{name}: installed {install(name, file, source=str(file), licence=licence)}")
 
 

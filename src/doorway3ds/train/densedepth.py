@@ -76,17 +76,17 @@ def build_densedepth(
     *,
     size: tuple[int | None, int | None] = (NYU.height, NYU.width),
     filters: int | None = None,
-    blocks: Sequence[int] = DENSENET_169,
+    blocks: Sequence[int] | None = None,
 ) -> Any:
     """(B, 3, h, w) RGB 0..1 to (B, 1, h/2, w/2), farthest depth / depth.
 
     weights: of the encoder: "imagenet", "none" or an HDF5 file. filters: of the first decoder
     convolution; the encoder's own 1664 as in the published models, or half of it as in the
-    published code's default. blocks: layers of the four dense blocks.
+    published code's default. blocks: layers of the four dense blocks, DENSENET_169 by default.
     """
     keras = start()
     layers = keras.layers
-    encoder = _densenet(size, blocks)
+    encoder = _densenet(size, blocks or DENSENET_169)
     if str(weights) == "imagenet":
         _take_imagenet(encoder)
     elif str(weights) != "none":
@@ -165,10 +165,11 @@ def encoder_layers(model: Any) -> list[Any]:
     return list(model.layers[: names.index("conv2")])
 
 
-def import_weights(path: Path, blocks: Sequence[int] = DENSENET_169) -> Any:
+def import_weights(path: Path, size: tuple[int | None, int | None] | None = None) -> Any:
     """The network with the weights of a published Keras 1 or 2 file.
 
-    The decoder's width is the file's. Raises UserError naming the first layer that misfits.
+    The decoder's width is the file's. size: of the input, NYU's by default. Raises UserError
+    naming the first layer that misfits.
     """
     layers = read_layers(path)
     if "conv2" not in layers:
@@ -177,7 +178,7 @@ def import_weights(path: Path, blocks: Sequence[int] = DENSENET_169) -> Any:
             f"DenseDepth, this one begins with {', '.join(list(layers)[:3])}"
         )
     filters = int(layers["conv2"][0].shape[-1])
-    model = build_densedepth("none", filters=filters, blocks=blocks)
+    model = build_densedepth("none", size=size or (NYU.height, NYU.width), filters=filters)
     assign(model, layers, path)
     return model
 

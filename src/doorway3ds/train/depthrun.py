@@ -19,7 +19,7 @@ from doorway3ds.evaluate.runners import Protocol
 from doorway3ds.networks.cnn_srin import squeeze
 from doorway3ds.train import densedepth, groups, outcome
 from doorway3ds.train.calibrate import relative_depth_error
-from doorway3ds.train.densedepth import DENSENET_169, SETTINGS, Setting
+from doorway3ds.train.densedepth import SETTINGS, Setting
 from doorway3ds.train.depthpairs import DepthPairs, split_pairs, target
 from doorway3ds.train.engine import ALONE, Team, device_of, wants_half
 from doorway3ds.train.loop import Loop, LoopConfig, Watcher
@@ -101,7 +101,7 @@ def train_densedepth(
     watcher: Watcher | None = None,
     team: Team = ALONE,
     facts: dict[str, Any] | None = None,
-    blocks: Sequence[int] = DENSENET_169,
+    blocks: Sequence[int] | None = None,
     setting: Setting | None = None,
 ) -> dict[str, Any]:
     """Trains, writes out/densedepth.onnx, its card and report.html; returns what the card says.
