@@ -47,7 +47,7 @@ class FitConfig:
     weight_decay: float = 1e-3
     shares: Mapping[str, float] | None = None  # share of each source in a batch
     open_share: float = 0.45  # share of pictures with an opening, within each source
-    ema: float = 0.998
+    ema: float = 0.99
     seed: int = 1
 
 
@@ -169,13 +169,17 @@ def fit(
         def on_train_begin(self, logs: Any = None) -> None:
             self.weights = list(self.model.network.weights)
             self.average = [w.value.detach().clone() for w in self.weights]
+            self.steps = 0
 
         def on_epoch_begin(self, epoch: int, logs: Any = None) -> None:
             self.model.means, self.model.seen = {}, 0
 
         def on_train_batch_end(self, batch: int, logs: Any = None) -> None:
+            # short at first, so that the first, random weights leave no trace
+            self.steps += 1
+            decay = min(config.ema, self.steps / (self.steps + 10))
             for mean, weight in zip(self.average, self.weights, strict=True):
-                mean.lerp_(weight.value.detach(), 1 - config.ema)
+                mean.lerp_(weight.value.detach(), 1 - decay)
 
         def on_train_end(self, logs: Any = None) -> None:
             for mean, weight in zip(self.average, self.weights, strict=True):

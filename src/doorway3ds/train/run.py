@@ -190,6 +190,8 @@ def train_doornet(
         found, measured = read_calibration(calibration)
     card: dict[str, Any] = {
         "name": "doornet",
+        "licence": "Apache-2.0",
+        "source": "trained by this project; data and first weights are named below",
         "date": datetime.date.today().isoformat(),
         "command": command,
         "machine": f"{platform.machine()} {platform.system()}",
