@@ -1,0 +1,290 @@
+"""The closed loop: look, decide, turn, look again, until the robot faces the doorway or should not.
+
+The loop decides nothing about doorways and moves nothing itself: decisions come from the pipeline,
+motion goes through a `Driver`.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol
+
+from doorway3ds.errors import UserError
+from doorway3ds.robots.base import HALTING, Driver, Refused, RobotLost, TurnEnd, TurnResult
+from doorway3ds.runlog import RunLog
+from doorway3ds.types import Decision, Frame, Reason
+
+
+class Outcome(StrEnum):
+    """How a run ended; `status` is the command's exit status."""
+
+    ALIGNED = "aligned"  # it faces the doorway
+    NO_DOOR = "no_door"  # a full circle shows none
+    BLOCKED = "blocked"  # something stayed in the way
+    UNSURE = "unsure"  # it could not make sure
+    LOST = "lost"  # the camera or the robot is gone
+    HALTED = "halted"  # bumper, fall or lost ground
+    DRY = "dry"  # it was not allowed to move and says what it would have done
+
+    @property
+    def status(self) -> int:
+        return _STATUS[self]
+
+
+_STATUS = {
+    Outcome.ALIGNED: 0,
+    Outcome.DRY: 0,
+    Outcome.NO_DOOR: 3,
+    Outcome.BLOCKED: 4,
+    Outcome.UNSURE: 5,
+    Outcome.LOST: 6,
+    Outcome.HALTED: 7,
+}
+
+
+class Frames(Protocol):
+    """The part of a source that the loop needs."""
+
+    def read(self, timeout_s: float | None = None) -> Frame | None: ...
+
+
+@dataclass(frozen=True)
+class LoopParams:
+    """aligned_deg: it faces the doorway within this.
+
+    search_deg: one step of the search; glance_deg: of a look to the side of a cut doorway, at most.
+    settle_s: how long after a turn pictures are still blurred. frame_s: without a fresh picture
+    for so long the camera is lost. blocked_looks, blocked_s: how often to look at a blocked way,
+    and how long to wait in between. unsure_looks: looks that end in nothing. goes: turns towards
+    a doorway before it gives up on ever facing it.
+    """
+
+    aligned_deg: float = 3.0
+    search_deg: float = 40.0
+    glance_deg: float = 25.0
+    settle_s: float = 0.3
+    frame_s: float = 5.0
+    blocked_looks: int = 3
+    blocked_s: float = 2.0
+    unsure_looks: int = 4
+    goes: int = 6
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a run did. goes: turns towards a doorway; searches: turns to look around."""
+
+    outcome: Outcome
+    why: str
+    looks: int
+    goes: int
+    searches: int
+    took_s: float
+
+
+@dataclass(frozen=True)
+class _Action:
+    """Either a turn (deg, kind), a wait, or an end."""
+
+    kind: str  # "go", "glance", "search", "wait", "end"
+    turn_deg: float = 0.0
+    outcome: Outcome | None = None
+    why: str = ""
+
+    def __str__(self) -> str:
+        turn = f" {self.turn_deg:+.1f} deg" if self.turn_deg else ""
+        return f"{self.kind}{turn}" if self.outcome is None else str(self.outcome)
+
+
+class Loop:
+    """One run. tell: is called with one line about each look and turn.
+
+    clock, sleep: the frames' clock, and how to wait on it.
+    """
+
+    def __init__(
+        self,
+        source: Frames,
+        decide: Callable[[Frame], Decision],
+        driver: Driver,
+        params: LoopParams | None = None,
+        *,
+        log: RunLog | None = None,
+        tell: Callable[[str], None] = lambda line: None,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self._source, self._decide, self._driver = source, decide, driver
+        self._params, self._log, self._tell = params or LoopParams(), log or RunLog(None), tell
+        self._clock, self._sleep = clock, sleep
+        self._ready_s = -math.inf
+        self._looks = self._goes = self._searches = 0
+        self._blocked = self._unsure = self._stale = 0
+        self._searched_deg = 0.0
+        self._side = 1.0
+
+    def run(self) -> Report:
+        """Runs until an outcome. Whatever ends it, the robot has been told to stop.
+
+        Ctrl-C and errors that are no outcome go on to the caller after the stop.
+        """
+        start = self._clock()
+        outcome, why = Outcome.UNSURE, "interrupted"
+        try:
+            try:
+                self._driver.prepare()
+                # Pictures from before the robot stood up are of something else.
+                self._ready_s = self._clock() if self._driver.move else -math.inf
+                outcome, why = self._steps()
+            except RobotLost as error:
+                outcome, why = Outcome.LOST, str(error)
+        except BaseException as error:
+            self._log.write("error", what=f"{type(error).__name__}: {error}")
+            raise
+        finally:
+            stopped = self._stop()
+            if not stopped:
+                why = f"{why}; the robot could not be told to stop"
+            self._log.write(
+                "end", outcome=str(outcome), why=why, looks=self._looks, goes=self._goes,
+                searches=self._searches, stopped=stopped,
+            )  # fmt: skip
+        took = self._clock() - start
+        return Report(outcome, why, self._looks, self._goes, self._searches, took)
+
+    def _steps(self) -> tuple[Outcome, str]:
+        while True:
+            frame = self._fresh()
+            if frame is None:
+                return Outcome.LOST, "no fresh picture comes from the camera"
+            decision = self._decide(frame)
+            self._looks += 1
+            action = self._plan(decision)
+            self._log.look(self._looks, decision, str(action))
+            self._tell(f"look {self._looks}: {decision.reason} -> {action}")
+            if action.outcome is not None:
+                return action.outcome, action.why
+            if action.kind == "wait":
+                self._wait(self._params.blocked_s)
+                continue
+            end = self._turn(action, frame)
+            if end is not None:
+                return end
+
+    def _fresh(self) -> Frame | None:
+        """A picture taken after the last motion, or None where none comes in time."""
+        deadline = self._clock() + self._params.frame_s
+        while (left := deadline - self._clock()) > 0:
+            try:
+                frame = self._source.read(left)
+            except UserError as error:
+                self._log.write("lost", what=str(error))
+                return None
+            if frame is not None and frame.stamp_s >= self._ready_s:
+                return frame
+            if frame is None and getattr(self._source, "ended", False):
+                return None
+        return None
+
+    def _plan(self, decision: Decision) -> _Action:
+        """What to do about one decision."""
+        params = self._params
+        if decision.reason is Reason.TURN and decision.turn_deg is not None:
+            self._blocked = self._unsure = 0
+            self._searched_deg = 0.0
+            if abs(decision.turn_deg) <= params.aligned_deg:
+                return _Action("end", outcome=Outcome.ALIGNED, why="it faces the doorway")
+            if self._goes >= params.goes:
+                why = f"after {self._goes} turns it does not face it yet"
+                return _Action("end", outcome=Outcome.UNSURE, why=why)
+            return self._or_dry(_Action("go", self._driver.clamp(decision.turn_deg)))
+        if decision.reason is Reason.ALIGNED:
+            return _Action("end", outcome=Outcome.ALIGNED, why="it faces the doorway")
+        if decision.reason is Reason.BLOCKED:
+            self._blocked += 1
+            if self._blocked >= params.blocked_looks or not self._driver.move:
+                why = f"the way is blocked in {self._blocked} looks"
+                return _Action("end", outcome=Outcome.BLOCKED, why=why)
+            return _Action("wait")
+        if decision.reason is Reason.UNSURE:
+            return self._make_sure(decision)
+        if decision.reason is Reason.NO_DOOR:
+            return self._search()
+        return _Action("end", outcome=Outcome.LOST, why="the doorway is lost")
+
+    def _make_sure(self, decision: Decision) -> _Action:
+        params, found = self._params, decision.selection
+        self._unsure += 1
+        if self._unsure > params.unsure_looks:
+            why = found.unsure or "no look made sure"
+            return _Action("end", outcome=Outcome.UNSURE, why=why)
+        if found.look is None:
+            return _Action("wait")
+        self._side = 1.0 if found.look == "left" else -1.0
+        bearing = abs(found.bearing_deg) if found.bearing_deg is not None else params.glance_deg
+        step = min(max(bearing, params.glance_deg / 2), params.glance_deg)
+        return self._or_dry(_Action("glance", self._driver.clamp(self._side * step)))
+
+    def _search(self) -> _Action:
+        """The next step of a full circle, towards the side where a doorway was last thought of."""
+        step = abs(self._driver.clamp(self._params.search_deg))
+        if self._searched_deg + step > 360.0 - step / 2 and self._searched_deg > 0:
+            return _Action(
+                "end", outcome=Outcome.NO_DOOR, why="a full circle shows no open doorway"
+            )
+        return self._or_dry(_Action("search", self._side * step))
+
+    def _or_dry(self, action: _Action) -> _Action:
+        if self._driver.move:
+            return action
+        why = f"it would {action}"
+        return _Action("end", outcome=Outcome.DRY, why=why)
+
+    def _turn(self, action: _Action, frame: Frame) -> tuple[Outcome, str] | None:
+        """Turns; an outcome where that ends the run."""
+        try:
+            result = self._driver.turn(action.turn_deg, frame.stamp_s)
+        except Refused as error:
+            self._log.write("refused", what=str(error))
+            self._tell(str(error))
+            self._stale += 1
+            if self._stale > 3 or self._driver.age_s(frame.stamp_s) <= self._driver.limits.ttl_s:
+                return Outcome.UNSURE, str(error)
+            return None
+        self._ready_s = self._clock() + self._params.settle_s
+        self._count(action, result)
+        turned = "unknown" if result.turned_deg is None else f"{result.turned_deg:+.1f} deg"
+        self._tell(f"turn {action.turn_deg:+.1f} deg: {result.end}, turned {turned}")
+        self._log.write(
+            "turn", step=self._looks, kind=action.kind, asked_deg=action.turn_deg,
+            turned_deg=result.turned_deg, end=str(result.end), took_s=result.took_s,
+        )  # fmt: skip
+        if result.end in HALTING:
+            return Outcome.HALTED, f"the robot reports: {result.end}"
+        if result.end is TurnEnd.LOST:
+            return Outcome.LOST, "the robot is gone in the middle of a turn"
+        return None
+
+    def _count(self, action: _Action, result: TurnResult) -> None:
+        self._stale = 0
+        if action.kind == "go":
+            self._goes += 1
+            return
+        self._searches += 1
+        if action.kind == "search" and result.turned_deg is not None:
+            self._searched_deg += abs(result.turned_deg)
+
+    def _wait(self, seconds: float) -> None:
+        self._sleep(seconds)
+        self._ready_s = self._clock()
+
+    def _stop(self) -> bool:
+        try:
+            self._driver.stop()
+        except UserError:
+            return False
+        return True
