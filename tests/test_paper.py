@@ -169,3 +169,23 @@ def test_no_depth_names_what_is_missing():
     perception, frame = frame_and(np.full((240, 320), np.nan))
     selection = select_paper(perception, frame)
     assert decide(perception, selection, frame, "paper").reason is Reason.UNSURE
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "cut"), [(100, 140, None), (0, 60, "left"), (200, 319, "right")]
+)
+def test_lists_the_run_of_equal_depth_as_its_opening(
+    first: int, last: int, cut: str | None
+) -> None:
+    depth = np.full((240, 320), 2.0, np.float32)
+    depth[:, first : last + 1] = 5.0
+    camera = Camera.from_fov(640, 480, 60.9)
+    frame = Frame(np.zeros((480, 640, 3), np.uint8), camera)
+    found = select_paper(Perception(p_open=0.9, depth_m=depth), frame)
+    (opening,) = found.openings
+    assert opening.bearing_deg == found.bearing_deg
+    assert opening.cut == cut
+    assert opening.left_deg == pytest.approx((160 - (first - 0.5)) * 60.9 / 320)
+    assert opening.right_deg == pytest.approx((160 - (last + 0.5)) * 60.9 / 320)
+    assert (opening.left_px, opening.right_px) == (first * 2 - 0.5, last * 2 + 1.5)
+    assert opening.score == 0.9

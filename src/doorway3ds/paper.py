@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from doorway3ds.errors import UserError
-from doorway3ds.types import Frame, Perception, Selection
+from doorway3ds.types import Frame, Opening, Perception, Selection
 
 ROWS, COLUMNS = 240, 320
 UNIT_M = 10.0
@@ -49,6 +49,12 @@ def _walk(line: NDArray[np.float64], start: int, tolerance: float) -> int:
     return int(far[0]) if far.size else line.size - 1 - start
 
 
+def _run(line: NDArray[np.float64], column: int) -> tuple[int, int]:
+    """First and last column around `column` whose neighbours lie equally deep."""
+    right = column + _walk(line, column, SAME_DEPTH)
+    return column - _walk(line[::-1], COLUMNS - 1 - column, SAME_DEPTH), right
+
+
 def select_pixels(depth: ArrayLike) -> PixelSelection:
     """Max-, Best- and Trigger-Pixel of a (240, 320) map in units of 10 m; nan is never deep.
 
@@ -64,9 +70,7 @@ def select_pixels(depth: ArrayLike) -> PixelSelection:
     row += FIRST_ROW
     if not np.isfinite(depth[row, column]):
         raise ValueError(f"no depth is known from row {FIRST_ROW} on; the paper's map needs some")
-    line = depth[row]
-    right = column + _walk(line, column, SAME_DEPTH)
-    left = column - _walk(line[::-1], COLUMNS - 1 - column, SAME_DEPTH)
+    left, right = _run(depth[row], column)
     best = (left + right) // 2
     trigger = row
     if row < LAST_ROW:
@@ -116,7 +120,8 @@ def resample(depth_m: ArrayLike) -> NDArray[np.float64]:
 def select_paper(perception: Perception, frame: Frame) -> Selection:
     """The paper's selection: the Best-Pixel's linear angle and the state of the path below it.
 
-    The range is sqrt(X^2 + Z^2) with X = Z tan(theta), a pinhole formula on a linear angle, as
+    What it lists as an opening is the run of equal depth whose middle is the Best-Pixel. The
+    range is sqrt(X^2 + Z^2) with X = Z tan(theta), a pinhole formula on a linear angle, as
     published. Raises UserError where the perception has no depth.
     """
     if perception.depth_m is None:
@@ -124,21 +129,32 @@ def select_paper(perception: Perception, frame: Frame) -> Selection:
             f"the paper method needs depth and network '{perception.network}' gives none; "
             "name a depth network after a +, as in cnn-srin+densedepth"
         )
+    depth = resample(perception.depth_m)
     try:
-        found = select_pixels(resample(perception.depth_m))
+        found = select_pixels(depth)
     except ValueError:
         return Selection(None, None, None, None, unsure="no depth is known in the lower half")
     row, column = found.best_pixel
-    bearing = pixel_to_angle(column, COLUMNS, frame.camera.hfov_deg)
     camera = frame.camera
+    bearing = pixel_to_angle(column, COLUMNS, camera.hfov_deg)
+    range_m = found.best_depth * UNIT_M / math.cos(math.radians(bearing))
+    left, right = _run(depth[row], found.max_pixel[1])
+    edges = (left - 0.5, right + 0.5)
+    left_px, right_px = ((edge + 0.5) * camera.width / COLUMNS - 0.5 for edge in edges)
+    left_deg, right_deg = (pixel_to_angle(edge, COLUMNS, camera.hfov_deg) for edge in edges)
+    cut = {(1, 0): "left", (0, 1): "right", (1, 1): "both"}.get(
+        (int(left == 0), int(right == COLUMNS - 1))
+    )
+    run = Opening(left_px, right_px, left_deg, right_deg, bearing, range_m, perception.p_open, cut)
     pixel = (
         round((row + 0.5) * camera.height / ROWS - 0.5),
         round((column + 0.5) * camera.width / COLUMNS - 0.5),
     )
     return Selection(
         bearing_deg=bearing,
-        range_m=found.best_depth * UNIT_M / math.cos(math.radians(bearing)),
+        range_m=range_m,
         pixel=pixel,
         clear=found.free,
+        openings=(run,),
         evidence=asdict(found),
     )

@@ -132,7 +132,7 @@ class Opening:
 class Selection:
     """Where to go by geometry alone, before the gates.
 
-    openings: candidates, best first (the `opening` method; empty for `paper`).
+    openings: candidates, best first (of `paper`: the one run of equal depth).
     pixel: (row, column) aimed at, in the picture's pixels, or None.
     clear: True, False, or None where the floor was not seen at all.
     floor_from_m: horizontal distance from which on the floor is in view, None if not seen.
