@@ -16,6 +16,7 @@ from doorway3ds.camera import Pose
 from doorway3ds.errors import UserError
 from doorway3ds.sources import LiveSource, Shot, SourceLost, View, open_source
 from doorway3ds.sources import live as live_module
+from doorway3ds.sources.capture import OpenCvCapture
 from tests.sources.films import number
 from tests.sources.servers import MjpegServer
 
@@ -142,6 +143,18 @@ def test_a_driver_that_hangs_is_noticed_and_does_not_block_the_close() -> None:
     assert time.monotonic() - start < 3
     camera.hang.set()
     wait_until(lambda: camera.released)
+
+
+def test_a_picture_that_a_decoder_held_back_is_not_taken_for_new(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("doorway3ds.sources.capture._STALL_S", 0.3)
+    late = Webcam(gap_s=0.0)
+    capture = OpenCvCapture(late, "a camera")
+    late.gap_s = 0.4
+    assert capture.read() is not None  # a camera may take its time to begin
+    with pytest.raises(UserError, match="no picture for"):
+        capture.read()
 
 
 def test_a_connection_that_breaks_at_once_is_not_hammered(monkeypatch: pytest.MonkeyPatch) -> None:

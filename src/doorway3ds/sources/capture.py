@@ -15,6 +15,7 @@ from doorway3ds.sources.base import Capture, Shot
 from doorway3ds.sources.uri import query
 
 _TIMEOUT_MS = 5000
+_STALL_S = 4.5
 
 
 class Reader(Protocol):
@@ -34,11 +35,13 @@ class OpenCvCapture:
 
     def __init__(self, reader: Reader, expected: str) -> None:
         self._reader = reader
+        self._begun = False
         if not reader.isOpened():
             reader.release()
             raise UserError(f"expected {expected}, and none answers")
 
     def read(self) -> Shot | None:
+        asked_s = time.monotonic()
         try:
             done, image = self._reader.read()
         except cv2.error as error:
@@ -46,6 +49,10 @@ class OpenCvCapture:
         stamp_s = time.monotonic()
         if not done or image is None:
             raise UserError("no picture comes any more")
+        # At its own time-out FFmpeg hands out what its decoder still held, as if it were new.
+        if self._begun and stamp_s - asked_s > _STALL_S:
+            raise UserError(f"no picture for {stamp_s - asked_s:.0f} s")
+        self._begun = True
         if image.ndim == 2:
             image = np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
         return Shot(np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8), stamp_s)

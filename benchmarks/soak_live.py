@@ -1,0 +1,153 @@
+"""Does `3ds live` hold its rate, and its memory, for as long as one likes?
+
+    python benchmarks/soak_live.py --minutes 30
+
+Runs a 640x480 film at 30 frames a second round and round through source, pipeline and tracker, as
+`3ds live --json` does, once as fast as it goes and then paced, and writes samples of resident
+memory (RSS), rate and latency as JSON, and as a plot where matplotlib is installed.
+
+--source takes any other source; --method and --network are those of `3ds live`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import tempfile
+import time
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from doorway3ds.benchmark import machine, made_up_jpeg
+from doorway3ds.networks import load
+from doorway3ds.pipeline import Pipeline
+from doorway3ds.sources import open_source
+from doorway3ds.tracker import Tracker
+
+FPS, SECONDS = 30, 20
+RESULTS = Path(__file__).parent / "results"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--minutes", type=float, default=30.0)
+    parser.add_argument("--source", help="default: a made-up film of 20 s")
+    parser.add_argument("--network", default="doornet")
+    parser.add_argument("--method", default="opening", choices=("opening", "paper"))
+    parser.add_argument("--threads", type=int)
+    parser.add_argument("--out", type=Path, default=RESULTS / "soak_live.json")
+    given = parser.parse_args()
+
+    with tempfile.TemporaryDirectory() as folder:
+        source = given.source or str(make_film(Path(folder) / "film.mp4"))
+        pipeline = Pipeline(load(given.network, threads=given.threads), method=given.method)
+        half = given.minutes * 30
+        report = {
+            "date": datetime.now().astimezone().isoformat(timespec="seconds"),
+            "machine": machine(given.threads),
+            "network": pipeline.network.name,
+            "method": given.method,
+            "source": given.source or f"made-up film, 640x480, {FPS} a second, {SECONDS} s",
+            "minutes": given.minutes,
+            "fast": soak(source, pipeline, half, pace=False),
+            "paced": soak(source, pipeline, half, pace=True),
+        }
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    given.out.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    for name in ("fast", "paced"):
+        part = report[name]
+        print(
+            f"{name}: {part['per_s']:.1f} decisions/s, {part['skipped']} of "
+            f"{part['decisions'] + part['skipped']} frames skipped, median {part['median_ms']:.1f} "
+            f"ms, 95th percentile {part['p95_ms']:.1f} ms; RSS {part['rss_mb'][0]:.0f} to "
+            f"{part['rss_mb'][-1]:.0f} MB, {part['mb_per_hour']:+.1f} MB an hour after the first "
+            f"fifth"
+        )
+    plot(report, given.out.with_suffix(".png"))
+    print(f"written to {given.out}")
+
+
+def make_film(path: Path) -> Path:
+    """A photograph-like picture that the camera pans over and back."""
+    wide = cv2.imdecode(np.frombuffer(made_up_jpeg(960, 480), np.uint8), cv2.IMREAD_COLOR)
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), FPS, (640, 480))
+    for index in range(FPS * SECONDS):
+        left = round(160 - 160 * np.cos(2 * np.pi * index / (FPS * SECONDS)))
+        writer.write(np.ascontiguousarray(wide[:, left : left + 640]))
+    writer.release()
+    return path
+
+
+def soak(uri: str, pipeline: Pipeline, seconds: float, pace: bool) -> dict[str, Any]:
+    """Decides for that long; a sample every hundredth of it, every second at least."""
+    tracker = Tracker()
+    times: list[float] = []
+    rss: list[float] = []
+    took: list[float] = []
+    every = max(seconds / 100, 1.0)
+    with open_source(uri, loop=True, pace=pace) as source, Path(os.devnull).open("w") as sink:
+        start = last = time.monotonic()
+        decisions = 0
+        while (now := time.monotonic()) - start < seconds:
+            if now - last >= every or not times:
+                times.append(now - start)
+                rss.append(resident_mb())
+                last = now
+            frame = source.read(1.0)
+            if frame is None:
+                continue
+            begun = time.perf_counter()
+            tracked = tracker.update(pipeline.decide(frame))
+            line = {**tracked.raw.to_dict(source.frame_name), "tracked": tracked.to_dict()}
+            sink.write(json.dumps(line) + "\n")
+            decisions += 1
+            # Enough for the quantiles, and no list that grows with the hours.
+            if len(took) < 100_000:
+                took.append((time.perf_counter() - begun) * 1e3)
+        seconds = time.monotonic() - start
+        skipped = source.skipped
+    settled = len(times) // 5
+    slope = float(np.polyfit(times[settled:], rss[settled:], 1)[0]) if len(times) > 9 else 0.0
+    return {
+        "per_s": decisions / seconds,
+        "decisions": decisions,
+        "skipped": skipped,
+        "median_ms": float(np.median(took)),
+        "p95_ms": float(np.quantile(took, 0.95)),
+        "mb_per_hour": slope * 3600,
+        "at_s": times,
+        "rss_mb": rss,
+    }
+
+
+def resident_mb() -> float:
+    """Of this process, by Linux's /proc."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def plot(report: dict[str, Any], path: Path) -> None:
+    try:
+        import matplotlib.pyplot as plt
+    except ModuleNotFoundError:
+        print("no plot: pip install 'doorway3ds[report]'")
+        return
+    figure, axes = plt.subplots(figsize=(8, 3.5), layout="constrained")
+    for name in ("fast", "paced"):
+        part = report[name]
+        minutes = np.array(part["at_s"]) / 60
+        axes.plot(minutes, part["rss_mb"], label=f"{name}, {part['per_s']:.0f} decisions/s")
+    axes.set(xlabel="minutes", ylabel="RSS in MB", title=f"3ds live, {report['network']}")
+    axes.set_ylim(bottom=0)
+    axes.legend(frameon=False)
+    axes.spines[["top", "right"]].set_visible(False)
+    figure.savefig(path, dpi=120)
+
+
+if __name__ == "__main__":
+    main()
