@@ -82,3 +82,50 @@ def view(
         raise UserError(f"({x:g}, {y:g}) is in no room of home {home}; choose a place inside one")
     for path in save(photograph(home, lens, eye), home, out):
         typer.echo(path)
+
+
+@app.command()
+def nao(
+    listen: Annotated[
+        str, typer.Option(metavar="URL", help="Where NAOqi answers.")
+    ] = "tcp://127.0.0.1:9559",
+    seed: Annotated[int, typer.Option(min=0, help="Other seeds, other homes.")] = 0,
+    scenario: Annotated[
+        str, typer.Option(help="What it stands before; see docs/robot.md.")
+    ] = "doorway",
+    robot: Annotated[str, typer.Option(help="nao or pepper.")] = "nao",
+) -> None:
+    """A virtual NAO that NAOqi scripts can turn and look through, until Ctrl-C."""
+    import re
+    import threading
+    from importlib import import_module
+
+    from doorway3ds.cli._signals import ended_by_sigterm
+    from doorway3ds.sim.body import MODELS
+    from doorway3ds.sim.nao import VirtualNao
+    from doorway3ds.sim.scenarios import SCENES
+
+    if not re.fullmatch(r"tcp://[^:/]+:\d{1,5}", listen):
+        raise CallError(f"--listen must look like tcp://127.0.0.1:9559, got '{listen}'")
+    for name, value, known in (("--scenario", scenario, SCENES), ("--robot", robot, MODELS)):
+        if value not in known:
+            raise CallError(f"{name} must be one of {', '.join(known)}, got {value!r}")
+
+    import_module("qi")  # missing, it is said before a home is built
+
+    from doorway3ds.sim.world import Studio, World
+
+    with ended_by_sigterm(), Studio() as studio:
+        world = World.of_scene(studio, scenario, seed, model=robot)
+        virtual = VirtualNao(world.body, world.picture)
+        virtual.on_speech = lambda text: typer.echo(f"says: {text}", err=True)
+        try:
+            url = virtual.listen(listen)
+        except RuntimeError as error:
+            reason = str(error).splitlines()[0]
+            raise UserError(f"cannot listen at {listen} ({reason}); is the port taken?") from error
+        try:
+            typer.echo(f"virtual {robot} at {url}: {SCENES[scenario]}, seed {seed}")
+            threading.Event().wait()
+        finally:
+            virtual.close()
