@@ -100,8 +100,7 @@ def serve(
 
     from doorway3ds.server.app import create_app
     from doorway3ds.server.links import link, qr_text
-    from doorway3ds.server.run import listen
-    from doorway3ds.server.run import serve as run
+    from doorway3ds.server.run import listen, make_server
 
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     certificate = _certificate(tls_cert, tls_key, tuple(tls_name or ())) if tls else None
@@ -140,7 +139,7 @@ def serve(
                 )
             sys.stdout.flush()
 
-        run(app, bound, certificate, ready)
+        make_server(app, certificate, ready).run(sockets=[bound])
 
 
 def _say(text: str) -> None:

@@ -66,21 +66,28 @@ def create_app(
     app.state.hall = hall
     app.include_router(routes.router)
     _answer_errors(app)
-    paths = frozenset({*app.openapi()["paths"], "/openapi.json", "/"})
     if settings.token is not None:
         _ask_for_token(app)
-    return Shield(app, hall, paths)
+    paths = [getattr(route, "path", "") for route in routes.router.routes]
+    return Shield(app, hall, frozenset([*paths, "/openapi.json"]))
 
 
 def _ask_for_token(app: FastAPI) -> None:
-    schema = app.openapi()
-    schema.setdefault("components", {})["securitySchemes"] = {
-        "token": {"type": "http", "scheme": "bearer"}
-    }
-    for path, operations in schema["paths"].items():
-        if path != "/healthz":
-            for operation in operations.values():
-                operation["security"] = [{"token": []}]
+    """Lets the API's description say that it takes a token; made when somebody asks for it."""
+    describe = app.openapi
+
+    def described() -> dict[str, Any]:
+        schema: dict[str, Any] = describe()
+        schemes = schema.setdefault("components", {}).setdefault("securitySchemes", {})
+        if "token" not in schemes:
+            schemes["token"] = {"type": "http", "scheme": "bearer"}
+            for path, operations in schema["paths"].items():
+                if path != "/healthz":
+                    for operation in operations.values():
+                        operation["security"] = [{"token": []}]
+        return schema
+
+    app.openapi = described  # type: ignore[method-assign]
 
 
 def _answer_errors(app: FastAPI) -> None:

@@ -1,4 +1,4 @@
-"""From settings to a server that listens, answers and ends cleanly."""
+"""A server that listens, answers and ends cleanly."""
 
 from __future__ import annotations
 
@@ -58,13 +58,13 @@ class Server(uvicorn.Server):
         super().handle_exit(sig, frame)
 
 
-def serve(
+def make_server(
     app: Shield,
-    bound: socket.socket,
     certificate: Certificate | None = None,
     ready: Callable[[], None] = lambda: None,
-) -> None:
-    """Answers on `bound` until SIGINT or SIGTERM, then finishes what it is at.
+) -> Server:
+    """A server whose `run(sockets=[...])` answers until SIGINT or SIGTERM, then finishes what it
+    is at.
 
     ready: called once it answers.
     """
@@ -89,7 +89,7 @@ def serve(
         ssl_certfile=_text(chain),
         ssl_keyfile=_text(key),
     )
-    Server(config, app.hall.end, ready).run(sockets=[bound])
+    return Server(config, app.hall.end, ready)
 
 
 def _text(path: Path | None) -> str | None:

@@ -88,11 +88,11 @@ function openings(view, decision) {
     found.push(...cased("m-other", lines.join("")));
     tag(opening.score.toFixed(2), (left + right) / 2, 0.3 * height, view, "");
   });
-  if (trusted && view.openings.length) found.push(...best(view, view.openings[0]));
+  if (trusted && view.openings.length) found.push(...best(view, decision, view.openings[0]));
   return found;
 }
 
-function best(view, opening) {
+function best(view, decision, opening) {
   const { width, height } = view;
   const { left_px: left, right_px: right } = opening;
   const top = 0.07 * height;
@@ -121,8 +121,10 @@ function best(view, opening) {
       d += `M${tip - way * size} ${middle - 1.5 * size}L${tip} ${middle}L${tip - way * size} ${middle + 1.5 * size}`;
     }
   }
-  const parts = [turned(opening.bearing_deg)];
-  if (opening.range_m !== null) parts.push(`${opening.range_m.toFixed(1)} m`);
+  // With memory, the decision's own figures are calmer than this frame's.
+  const range = decision.range_m ?? opening.range_m;
+  const parts = [turned(decision.bearing_deg ?? opening.bearing_deg)];
+  if (range !== null) parts.push(`${range.toFixed(1)} m`);
   const middleX = (Math.max(left, 0) + Math.min(right, width)) / 2;
   tag(parts.join(" · "), middleX, top, view, "best");
   return [
