@@ -37,7 +37,7 @@ def test_an_empty_class_is_refused(tmp_path: Path) -> None:
     classes(tmp_path, 2)
     for file in (tmp_path / "open-door").iterdir():
         file.write_bytes(b"no picture")
-    with pytest.raises(UserError, match="no readable picture of class open-door.*left out"):
+    with pytest.raises(UserError, match=r"no readable picture of class open-door.*left out"):
         read_door_pictures(tmp_path)
     shutil.rmtree(tmp_path / "open-door")
     with pytest.raises(UserError, match="no readable picture of class open-door"):
