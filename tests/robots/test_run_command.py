@@ -1,0 +1,85 @@
+"""`3ds run` and `3ds replay` as a user calls them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from doorway3ds.runlog import read_log
+from doorway3ds.sim.nao import Faults
+
+
+def test_without_move_it_only_says(cli: Any) -> None:
+    ran = cli("run", "photo.jpg", "--network", "net.onnx", "--log", "a")
+    assert (ran.status, ran.out.split()[0]) == (0, "dry:")
+    assert "it would go" in ran.out
+    assert [e["event"] for e in read_log(Path("a"))] == ["start", "look", "end"]
+
+
+def test_a_replay_gives_the_same_decisions_and_another_method_does_not(cli: Any) -> None:
+    cli("run", "photo.jpg", "--network", "net.onnx", "--log", "a")
+    ran = cli("replay", "a")
+    assert (ran.status, ran.err) == (0, "1 of 1 decisions are the same\n")
+    assert cli("replay", "a", "--method", "paper").status == 1
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--robot", "pr2://x"),
+        ("--robot", "sim"),
+        ("--max-turn-deg", "500"),
+        ("--method", "guess"),
+    ],
+)
+def test_a_wrong_call_is_one_line_and_status_two(cli: Any, arguments: tuple[str, ...]) -> None:
+    ran = cli("run", "photo.jpg", "--network", "net.onnx", "--log", "a", *arguments)
+    assert ran.status == 2
+    assert ran.err.count("\n") == 1
+
+
+def test_a_folder_without_a_run_is_one_line(cli: Any) -> None:
+    ran = cli("replay", ".")
+    assert ran.status == 1
+    assert "holds no run" in ran.err
+
+
+@pytest.mark.nao
+def test_a_virtual_nao_is_turned_and_the_run_replayed(cli: Any, virtual: Any) -> None:
+    nao, where = virtual()
+    uri = f"nao://{where}"
+    # The network of the tests sees its door at the same columns for ever.
+    ran = cli(
+        "run", f"{uri}?resolution=qvga&fps=20", "--robot", uri, "--move", "--say",
+        "--network", "net.onnx", "--log", "a", "--blocked-s", "0", "--aligned-deg", "3",
+    )  # fmt: skip
+    events = read_log(Path("a"))
+    turns = [e for e in events if e["event"] == "turn"]
+    assert ran.status in (4, 5)
+    assert turns == [] or turns[0]["end"] == "done"
+    assert events[-1]["stopped"] is True
+    assert not nao.body.moving
+    assert nao.video.getSubscribers() == []
+    assert len(nao.said) == 1
+    assert nao.body.awake
+    assert cli("replay", "a").status == 0
+
+
+@pytest.mark.nao
+def test_without_move_a_robot_is_not_even_woken(cli: Any, virtual: Any) -> None:
+    nao, where = virtual()
+    cli("run", f"nao://{where}?resolution=qvga&fps=20", "--robot", f"nao://{where}",
+        "--network", "net.onnx", "--log", "a")  # fmt: skip
+    assert not nao.body.awake
+    assert nao.body.place() == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.nao
+def test_a_camera_that_fails_ends_with_its_own_status(cli: Any, virtual: Any) -> None:
+    nao, where = virtual(faults=Faults(null=True))
+    ran = cli("run", f"nao://{where}?resolution=qvga&fps=20", "--robot", f"nao://{where}",
+              "--move", "--network", "net.onnx", "--log", "a")  # fmt: skip
+    assert (ran.status, ran.out.split()[0]) == (6, "lost:")
+    assert nao.body.place()[2] == 0.0
