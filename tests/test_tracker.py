@@ -234,6 +234,18 @@ def test_without_pictures_it_is_lost_and_comes_back() -> None:
     assert tracked.decision.reason is Reason.TURN and tracked.number == 2
 
 
+@pytest.mark.parametrize("hz", [0.5, 1.0, 3.0])
+def test_slow_frames_are_followed_too(hz: float) -> None:
+    tracker = Tracker()
+    for t in times(8 / hz, hz=hz):
+        between = tracker.without_picture(t - 0.1 / hz)
+        tracked = tracker.update(look(t, opening(20)))
+    assert tracked.number == 1 and tracked.decision.reason is Reason.TURN
+    assert between is not None and between.decision.reason is Reason.TURN
+    silent = tracker.without_picture(t + 3 / hz)
+    assert silent is not None and silent.decision.reason is Reason.LOST
+
+
 def test_a_clock_that_jumps_back_starts_afresh() -> None:
     tracker, _ = settled()
     tracked = tracker.update(look(0.0, opening(20), p_open=0.1))

@@ -26,7 +26,8 @@ class TrackerParams:
     gate_deg: an opening this near to where one was last is the same; of a wide one, gate_width
         of its width.
     confirm_s, confirm_frames: an opening is followed once seen for this long and this often.
-    lost_after_s: it is lost when unseen for longer. lost_shown_s: how long that is said.
+    lost_after_s: it is lost when unseen for longer, or for lost_after_frames at the rate at which
+        frames come. lost_shown_s: how long that is said.
     switch_margin: another opening takes over once its score is higher by this.
     free_evidence, blocked_evidence: how often a frame that calls the way free, or not, is right.
     way_from, way_below: the belief at which the way becomes free, and blocked.
@@ -47,6 +48,7 @@ class TrackerParams:
     confirm_s: float = 0.2
     confirm_frames: int = 3
     lost_after_s: float = 0.7
+    lost_after_frames: float = 2.5
     lost_shown_s: float = 1.0
     switch_margin: float = 0.2
     free_evidence: float = 0.75
@@ -121,6 +123,7 @@ class Tracker:
         self._main: _Track | None = None
         self._open = False
         self._last_s: float | None = None
+        self._gap_s = 0.0
         self._lost_at_s: float | None = None
         self._last: Tracked | None = None
 
@@ -136,6 +139,9 @@ class Tracker:
             gap = None
         dt = gap or 0.0
         self._last_s = now
+        self._gap_s += (dt - self._gap_s) * (0.2 if self._gap_s else 1.0)
+        if dt > self._patience_s:
+            self._tracks = []
         self._belief.pass_time(dt)
         self._belief.observe(decision.p_open, dt)
         for track in self._tracks:
@@ -148,15 +154,14 @@ class Tracker:
     def without_picture(self, stamp_s: float) -> Tracked | None:
         """What is known at `stamp_s` where no further frame has come; None before the first.
 
-        After `lost_after_s` the decision is `lost`. The next `update` goes on from there.
+        Once it has been silent for too long the decision is `lost`. Nothing is changed.
         """
         if self._last is None or self._last_s is None:
             return None
         silent_s = stamp_s - self._last_s
         last = self._last
-        if silent_s <= self.params.lost_after_s:
+        if silent_s <= self._patience_s:
             return replace(last, unseen_s=last.unseen_s + max(silent_s, 0.0))
-        self._main, self._tracks, self._open = None, [], False
         belief = Belief(self.params.change_per_s, self.params.shared_s)
         belief.p = last.belief
         belief.pass_time(silent_s)
@@ -164,6 +169,10 @@ class Tracker:
         return Tracked(
             _decision(last.raw, Reason.LOST, selection, belief.p, False), last.raw, belief.p
         )
+
+    @property
+    def _patience_s(self) -> float:
+        return max(self.params.lost_after_s, self.params.lost_after_frames * self._gap_s)
 
     def _associate(self, decision: Decision, now: float, dt: float) -> None:
         """Gives each opening of the frame to the nearest track, or begins one for it."""
@@ -190,7 +199,7 @@ class Tracker:
             taken[0].judge(decision, now)
         for track in self._tracks:
             track.pass_time(now, dt)
-        self._tracks = [track for track in self._tracks if track.unseen_s(now) <= track.patience_s]
+        self._tracks = [track for track in self._tracks if track.unseen_s(now) <= self._patience_s]
 
     def _settle(self, now: float) -> None:
         """Which track is followed, and whether the doorway counts as open."""
@@ -272,10 +281,6 @@ class _Track:
         self.way = Belief(params.change_per_s, params.shared_s)
         self.clear: bool | None = None
         self._measure_range(opening, now)
-
-    @property
-    def patience_s(self) -> float:
-        return self._params.lost_after_s
 
     def unseen_s(self, now: float) -> float:
         return now - self._seen_s
