@@ -289,6 +289,8 @@ def densedepth(
     engine.start(threads)
     team = engine.join()
     count = Count()
+    if not team.leads:
+        team.told(None)  # until the leader has unpacked what is packed
     pairs = read_depth_pairs(
         dataset,
         SETTINGS[setting],
@@ -302,6 +304,7 @@ def densedepth(
     )
     count.clear()
     if team.leads:
+        team.told(None)
         say(
             f"{len(pairs.samples)} pictures, {len(set(pairs.groups))} groups by "
             f"{pairs.grouping}; median depth {pairs.median_m:.2f} m; "

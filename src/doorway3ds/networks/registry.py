@@ -54,7 +54,10 @@ class Card:
     more: Mapping[str, Any] = field(default_factory=dict)
 
 
-_FILE_OPTIONS = "`3ds models import {0} FILE.onnx` or `3ds models fetch {0} --url URL --sha256 HEX`"
+_FILE_OPTIONS = (
+    "`3ds models import {0} FILE` (.onnx, or its authors' Keras .h5) or "
+    "`3ds models fetch {0} --url URL --sha256 HEX`"
+)
 
 MODELS: Mapping[str, Model] = {
     model.name: model
@@ -73,7 +76,7 @@ MODELS: Mapping[str, Model] = {
             about="the paper's classifier (VGG16)",
             gives=("p_open",),
             contract="RGB 0..255, 1x224x224x3 or 1x3x224x224",
-            make="`3ds train cnn-srin DATASET`, then " + _FILE_OPTIONS.format("cnn-srin"),
+            make="`3ds train cnn-srin DATASET`, " + _FILE_OPTIONS.format("cnn-srin"),
             licence="of its training pictures",
         ),
         Model(
@@ -81,7 +84,7 @@ MODELS: Mapping[str, Model] = {
             about="the paper's depth network (DenseNet-169)",
             gives=("depth",),
             contract="RGB 0..1, 1x480x640x3 or 1x3x480x640",
-            make="`3ds train densedepth DATASET`, then " + _FILE_OPTIONS.format("densedepth"),
+            make="`3ds train densedepth DATASET`, " + _FILE_OPTIONS.format("densedepth"),
             licence="of its training pictures",
         ),
     )

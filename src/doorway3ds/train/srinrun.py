@@ -17,8 +17,8 @@ from doorway3ds.networks.cnn_srin import SIDE
 from doorway3ds.train import cnn_srin, outcome
 from doorway3ds.train.cnn_srin import FeatureCache, Wanted
 from doorway3ds.train.doorpictures import DoorPictures, Split, split_pictures
-from doorway3ds.train.engine import ALONE, Team, wants_half
-from doorway3ds.train.loop import Loop, LoopConfig, Row, Watcher
+from doorway3ds.train.engine import ALONE, Team, device_of, wants_half
+from doorway3ds.train.loop import Data, Loop, LoopConfig, Row, Watcher
 from doorway3ds.train.onnxfile import export
 
 FINE_TUNE_RATE = 1e-5
@@ -148,7 +148,10 @@ def train_cnn_srin(
         )
     if not team.leads:
         return {}
-    p_open = _predict(whole, [pictures.samples[i] for i in split.held], options)
+    if options.fine_tune:
+        p_open = _predict(whole, Pictures([w.sample for w in held], options.side, False, 0))
+    else:
+        p_open = _predict(head, validation)
     records = [
         ClassifierRecord(s.name, group, bool(s.is_open), float(p), s.kinds)
         for s, group, p in (
@@ -221,17 +224,16 @@ def _rows(wanted: Sequence[Wanted], features: NDArray[np.float32]) -> Rows:
     return Rows(names, features, [w.sample.is_open for w in wanted])
 
 
-def _predict(whole: Any, samples: Sequence[Sample], options: SrinOptions) -> NDArray[np.float64]:
+def _predict(model: Any, data: Data, batch: int = 16) -> NDArray[np.float64]:
+    """(N,) probabilities of a model that gives logits."""
     import torch
 
     found: list[float] = []
-    data = Pictures(samples, options.side, False, 0)
-    for at in range(0, len(samples), 16):
-        images, _ = data.load(range(at, min(at + 16, len(samples))), None)
+    for at in range(0, len(data.names), batch):
+        inputs, _ = data.load(range(at, min(at + batch, len(data.names))), None)
         with torch.no_grad():
-            tensor = torch.from_numpy(images).to(whole.weights[0].value.device)
-            logits = whole(tensor, training=False)
-        found += logits.sigmoid().flatten().tolist()
+            tensor = torch.from_numpy(inputs).to(device_of(model))
+            found += model(tensor, training=False).sigmoid().flatten().tolist()
     return np.array(found)
 
 
