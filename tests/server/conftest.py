@@ -93,7 +93,7 @@ def running(
     server = make_server(app, certificate, started.set)
     thread = threading.Thread(target=lambda: server.run(sockets=[bound]))
     thread.start()
-    assert started.wait(20)
+    assert started.wait(60)
 
     def stop() -> None:
         server.handle_exit(signal.SIGTERM, None)
@@ -102,14 +102,14 @@ def running(
 
     url = f"{'https' if certificate else 'http'}://127.0.0.1:{port}"
     headers = {"Authorization": f"Bearer {settings.token}"} if settings.token else {}
-    with httpx.Client(base_url=url, headers=headers, timeout=20, verify=False) as client:
+    with httpx.Client(base_url=url, headers=headers, timeout=60, verify=False) as client:
         try:
             yield Served(url, port, app.hall, client, stop)
         finally:
             stop()
 
 
-def wait_for(what: Callable[[], object], seconds: float = 10.0) -> object:
+def wait_for(what: Callable[[], object], seconds: float = 30.0) -> object:
     """What `what` gives once it is true."""
     end = time.monotonic() + seconds
     while not (found := what()):

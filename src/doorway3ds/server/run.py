@@ -70,6 +70,7 @@ def make_server(
     """
     limits = app.hall.settings.limits
     logging.getLogger("uvicorn.error").addFilter(_quiet)
+    logging.getLogger("python_multipart").setLevel(logging.ERROR)
     protocol = type("Protocol", (Protocol,), {"head_s": limits.head_s})
     chain, key = (certificate.chain, certificate.key) if certificate else (None, None)
     config = uvicorn.Config(
