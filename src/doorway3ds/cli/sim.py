@@ -129,3 +129,52 @@ def nao(
             threading.Event().wait()
         finally:
             virtual.close()
+
+
+@app.command()
+def trial(
+    out: Annotated[
+        Path, typer.Option(help="Folder for episodes and tables; a cut run goes on in it.")
+    ],
+    episodes: Annotated[int, typer.Option(min=1, help="Of each scene.")] = 60,
+    scenes: Annotated[
+        str | None, typer.Option(metavar="NAME,...", help="Default: all; see docs/robot.md.")
+    ] = None,
+    network: Annotated[
+        str, typer.Option(metavar="NAME", help="truth, or a network of `3ds models`.")
+    ] = "truth",
+    method: Annotated[str, typer.Option(help="opening, paper or both.")] = "both",
+    seed: Annotated[int, typer.Option(min=0, help="Of the first episode.")] = 0,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    film: Annotated[bool, typer.Option("--film", help="Also a GIF of each scene.")] = False,
+) -> None:
+    """Play the closed loop in many homes; both methods meet the same stages."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from doorway3ds.files import write_bytes
+    from doorway3ds.sim.scenarios import SCENES
+    from doorway3ds.sim.trials import METHODS, plot, run_trials, table
+
+    names = list(SCENES) if scenes is None else scenes.split(",")
+    for name in names:
+        if name not in SCENES:
+            raise CallError(f"--scenes: expected some of {', '.join(SCENES)}, got {name!r}")
+    chosen = METHODS if method == "both" else tuple(m for m in METHODS if m == method)
+    if not chosen:
+        raise CallError(f"--method must be opening, paper or both, got {method!r}")
+    asked = None if network == "truth" else network
+    with Progress(console=Console(stderr=True)) as bar:
+        task = bar.add_task("stages", total=episodes * len(names))
+        played = run_trials(
+            out, names, episodes, seed, chosen, asked, workers, lambda n: bar.advance(task, n)
+        )
+    text = table(played)
+    write_bytes(out / "trial.md", text.encode())
+    typer.echo(text, nl=False)
+    typer.echo(f"{plot(played, out / 'trial.png')}", err=True)
+    if film:
+        from doorway3ds.sim.film import film_scene
+
+        for name in names:
+            typer.echo(f"{film_scene(name, seed, asked, out / f'{name}.gif')}", err=True)
