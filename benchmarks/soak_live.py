@@ -65,8 +65,8 @@ def main() -> None:
             f"{name}: {part['per_s']:.1f} decisions/s, {part['skipped']} of "
             f"{part['decisions'] + part['skipped']} frames skipped, median {part['median_ms']:.1f} "
             f"ms, 95th percentile {part['p95_ms']:.1f} ms; RSS {part['rss_mb'][0]:.0f} to "
-            f"{part['rss_mb'][-1]:.0f} MB, {part['mb_per_hour']:+.1f} MB an hour after the first "
-            f"fifth"
+            f"{part['rss_mb'][-1]:.0f} MB, {part['mb_per_hour']:+.1f} MB an hour in the second "
+            f"half"
         )
     plot(report, given.out.with_suffix(".png"))
     print(f"written to {given.out}")
@@ -111,7 +111,7 @@ def soak(uri: str, pipeline: Pipeline, seconds: float, pace: bool) -> dict[str, 
                 took.append((time.perf_counter() - begun) * 1e3)
         seconds = time.monotonic() - start
         skipped = source.skipped
-    settled = len(times) // 5
+    settled = len(times) // 2
     slope = float(np.polyfit(times[settled:], rss[settled:], 1)[0]) if len(times) > 9 else 0.0
     return {
         "per_s": decisions / seconds,

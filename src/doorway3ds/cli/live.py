@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import signal
 import sys
 import time
 from collections.abc import Iterator
@@ -18,10 +17,9 @@ import typer
 from doorway3ds.cli._camera import CameraOptions, require_range
 from doorway3ds.cli._film import Film, require_film
 from doorway3ds.cli._pipeline import build_pipeline
+from doorway3ds.cli._signals import ended_by_sigterm
 
 if TYPE_CHECKING:
-    from types import FrameType
-
     from doorway3ds.cli._camera import CameraChoice
     from doorway3ds.cli._panel import Panel
     from doorway3ds.pipeline import Pipeline
@@ -107,7 +105,7 @@ def live(
 
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     with ExitStack() as stack:
-        stack.enter_context(_ended_by_sigterm())
+        stack.enter_context(ended_by_sigterm())
         given = {"pace": pace, "loop": loop, "fps": fps, "patience_s": patience_s}
         found = stack.enter_context(_open(source, choice, camera, fov_deg, given))
         run = _Run(pipeline, found, as_json)
@@ -238,18 +236,29 @@ def _open(
     )
 
 
-def _recording(folder: Path, pipeline: Pipeline, source: Source) -> RunLog:
+@contextlib.contextmanager
+def _recording(folder: Path, pipeline: Pipeline, source: Source) -> Iterator[RunLog]:
+    """A log that also says how it ended."""
     from dataclasses import asdict
 
     from doorway3ds import __version__
     from doorway3ds.runlog import RunLog
 
-    log = RunLog(folder)
-    log.write(
-        "start", version=__version__, method=pipeline.method, network=pipeline.network.name,
-        gates=asdict(pipeline.gates), source=source.name, robot=None,
-    )  # fmt: skip
-    return log
+    with RunLog(folder) as log:
+        log.write(
+            "start", version=__version__, method=pipeline.method, network=pipeline.network.name,
+            gates=asdict(pipeline.gates), params=pipeline.params and asdict(pipeline.params),
+            source=source.name, robot=None,
+        )  # fmt: skip
+        why = "the source ended"
+        try:
+            yield log
+            why = why if source.ended else "as many frames as asked for"
+        except BaseException as error:
+            why = str(error) or type(error).__name__
+            raise
+        finally:
+            log.write("end", outcome="ended", why=why, **_counts(source))
 
 
 def _counts(source: Source) -> dict[str, int]:
@@ -264,21 +273,3 @@ def _print_json(line: dict[str, Any]) -> None:
 def _complain(message: str) -> None:
     sys.stderr.write(f"3ds: {message}\n")
     sys.stderr.flush()
-
-
-@contextlib.contextmanager
-def _ended_by_sigterm() -> Iterator[None]:
-    """A service manager's stop, too, closes the camera and finishes the film, as Ctrl-C does."""
-
-    def stop(_: int, __: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    try:
-        before = signal.signal(signal.SIGTERM, stop)
-    except ValueError:  # not the main thread, which alone may say so
-        yield
-        return
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
