@@ -164,9 +164,16 @@ def test_both_downloads(shared: Served, page: Page, photo: bytes) -> None:
     page.run(
         """
         window.saved = [];
+        const blobs = new Map();
+        const make = URL.createObjectURL.bind(URL);
+        URL.createObjectURL = (blob) => {
+          const url = make(blob);
+          blobs.set(url, blob);
+          return url;
+        };
         HTMLAnchorElement.prototype.click = function () {
           const { download, href } = this;
-          fetch(href).then((answer) => answer.text()).then((text) => saved.push([download, text]));
+          blobs.get(href).text().then((text) => saved.push([download, text.slice(0, 9999)]));
         };
         """
     )

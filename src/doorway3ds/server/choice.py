@@ -107,7 +107,8 @@ def viewpoint(fields: Fields, settings: Settings) -> Viewpoint:
     """Where a request's picture was taken from: its fields over the server's settings."""
     camera, pose = settings.camera or default_camera, settings.pose
     if fields.camera == AUTO:
-        camera, pose = default_camera, Pose()
+        # A given camera's pose goes with it; a pose given by itself is of whatever looks.
+        camera, pose = default_camera, Pose() if settings.camera else settings.pose
     elif fields.camera is not None:
         name = fields.camera
 

@@ -17,11 +17,20 @@ export class Source {
       this.next();
     });
     this.events.addEventListener("source", (event) => this.heard.state(JSON.parse(event.data)));
-    this.events.addEventListener("error", () => this.heard.problem("The server cannot be reached; trying again."));
+    this.events.addEventListener("error", () => this.failed());
     this.events.addEventListener("open", () => this.heard.problem(""));
   }
 
+  // A browser tries again by itself after a lost connection, but not after a refusal.
+  failed() {
+    this.heard.problem("The server does not send; trying again.");
+    if (this.events?.readyState !== EventSource.CLOSED) return;
+    this.stop();
+    this.timer = setTimeout(() => this.start(), 5000);
+  }
+
   stop() {
+    clearTimeout(this.timer);
     this.events?.close();
     this.events = null;
     this.newest = null;
