@@ -10,6 +10,8 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from doorway3ds.server.errors import ApiError
 
+_GOODBYE_S = 0.5
+
 
 class Protocol(H11Protocol):
     """A connection on which no whole head arrives for `head_s` seconds is closed.
@@ -37,6 +39,12 @@ class Protocol(H11Protocol):
     def connection_lost(self, exc: Exception | None) -> None:
         self._head_came()
         super().connection_lost(exc)
+
+    def shutdown(self) -> None:
+        super().shutdown()
+        if self.transport.is_closing():
+            # Under TLS an idle client may never answer the goodbye that closing waits for.
+            self.loop.call_later(_GOODBYE_S, self.transport.abort)
 
     def _expect_head(self) -> None:
         if self._deadline is None:
