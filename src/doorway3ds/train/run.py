@@ -107,26 +107,28 @@ def split(
     return kept, held
 
 
-def predict(net: DoorNet, samples: Sequence[Sample]) -> list[dict[str, Any]]:
-    """The network's outputs and the targets of the plain view of each sample."""
-    import torch
+def predict(network: Path, samples: Sequence[Sample]) -> list[dict[str, Any]]:
+    """An exported network's outputs and the targets of the plain view of each sample."""
+    import onnxruntime
 
+    session = onnxruntime.InferenceSession(str(network), providers=["CPUExecutionProvider"])
+    names = [output.name for output in session.get_outputs()]
     found = []
     for sample in samples:
         portrait = sample.image.shape[0] > sample.image.shape[1]
         target = view(sample, PORTRAIT if portrait else LANDSCAPE, None)
-        with torch.no_grad():
-            output = net.whole(torch.from_numpy(collate([target])[0]), training=False)
-        found.append(
-            {"sample": sample, "target": target}
-            | {name: value[0].numpy() for name, value in output.items()}
-        )
+        values = session.run(None, {"image": collate([target])[0]})
+        outputs = {name: value[0] for name, value in zip(names, values, strict=True)}
+        found.append({"sample": sample, "target": target} | outputs)
     return found
 
 
-def calibrate(net: DoorNet, held: Sequence[Sample]) -> tuple[Calibration, dict[str, Any]]:
-    """Scales and shifts of the logits, and the depth's error, on held-out photographs."""
-    answers = predict(net, [s for s in held if s.source != "rendered"] or held)
+def calibrate(network: Path, held: Sequence[Sample]) -> tuple[Calibration, dict[str, Any]]:
+    """Scales and shifts of the logits, and the depth's error, on held-out photographs.
+
+    network: exported without calibration.
+    """
+    answers = predict(network, [s for s in held if s.source != "rendered"] or held)
     told = [a for a in answers if a["sample"].open is not None]
     p_open = platt(
         np.array([[a["p_open"], a["score"].max()] for a in told]),
@@ -184,8 +186,10 @@ def train_doornet(
         resume=resume,
     )
     found, measured = Calibration(), dict[str, Any]()
+    path = out / "doornet.onnx"
     if held:
-        found, measured = calibrate(net, held)
+        export_onnx(net.whole, path, metadata={})
+        found, measured = calibrate(path, held)
     elif calibration is not None:
         found, measured = read_calibration(calibration)
     card: dict[str, Any] = {
@@ -214,7 +218,6 @@ def train_doornet(
         "thresholds": measured.get("thresholds", {}),
         "recipe": recipe.text,
     }
-    path = out / "doornet.onnx"
     shown = {key: card[key] for key in _SHOWN}
     card["parity"] = export_onnx(net.whole, path, calibration=found, metadata=shown)
     card["sha256"], card["bytes"] = sha256(path), path.stat().st_size
