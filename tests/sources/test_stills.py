@@ -90,6 +90,8 @@ def test_paced_and_looped(folder: Path) -> None:
         ("http:///video", "expected http://HOST", CallError),
         ("http://host:99999/video", "expected http://HOST", CallError),
         ("http://[host/video", "is no address", CallError),
+        ("http://me:secret@host:99999/v", "http://me:***@host:99999/v: expected", CallError),
+        ("http://me:secret@[host/v", "http://***@[host/v is no address", CallError),
     ],
 )
 def test_what_names_no_source_is_said_in_one_line(

@@ -13,6 +13,7 @@ from urllib.parse import SplitResult, unquote, urljoin, urlsplit
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.sources.base import Capture, Shot
 from doorway3ds.sources.splitter import Splitter
+from doorway3ds.sources.uri import without_password
 
 _TIMEOUT_S = 5.0
 _CHUNK = 1 << 16
@@ -68,7 +69,7 @@ def mjpeg(url: str) -> Callable[[], Capture]:
     except ValueError:
         usable = False
     if not usable:
-        raise CallError(f"{url}: expected http://HOST[:PORT]/PATH")
+        raise CallError(f"{without_password(url)}: expected http://HOST[:PORT]/PATH")
     return lambda: MjpegCapture(url)
 
 

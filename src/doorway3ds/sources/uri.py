@@ -110,7 +110,8 @@ def without_password(uri: str) -> str:
     try:
         parts = urlsplit(uri)
     except ValueError as error:
-        raise CallError(f"{uri} is no address: {error}") from error
+        shown = re.sub(r"//[^/]*@", "//***@", uri)
+        raise CallError(f"{shown} is no address: {error}") from error
     if parts.password is None:
         return uri
     user, _, host = parts.netloc.rpartition("@")
