@@ -42,6 +42,7 @@ ENDS = {"no_door": "no_door", "distractor": "no_door", "blocked": "blocked", "lo
 """How a run should end; the others end aligned with the doorway."""
 
 LOW_M = 0.4
+ROOM_M = 0.08  # beside the footprint, between the jambs as they are seen
 TRIES = 2000
 
 
@@ -151,7 +152,7 @@ def _stand(scene: str, rng: Rng, home: Home, room: Room, portal: Portal, pose: P
         ])  # fmt: skip
         away = aim - at
         distance, across = float(np.hypot(*away)), abs(at[portal.axis] - portal.wall)
-        if not 1.5 < distance < 4.2 or across / distance < 0.45:
+        if not 1.5 < distance < 4.2 or across / distance < 0.55:
             continue
         visible = float(np.degrees(np.arctan2(portal.width / 2, distance)))
         reach = max(2.0, half - visible - 2.0)
@@ -227,10 +228,22 @@ def _is(scene: str, truth: Truth, camera: Camera) -> bool:
     if scene in ("blocked", "low_box"):
         return len(seen) == 1 and _plain(seen[0]) and seen[0].clear is False
     if scene == "two_doors":
-        return len(seen) >= 2 and all(_plain(o) and o.clear is True for o in seen[:2])
+        return len(seen) >= 2 and all(_plain(o) and _passable(o) for o in seen[:2])
     if scene == "cut":
-        return len(seen) == 1 and seen[0].cut in ("left", "right") and seen[0].clear is not False
-    return len(seen) == 1 and _plain(seen[0]) and seen[0].clear is True
+        is_cut = seen[0].cut in ("left", "right") and seen[0].clear is not False
+        return len(seen) == 1 and is_cut and _wide(seen[0])
+    return len(seen) == 1 and _plain(seen[0]) and _passable(seen[0])
+
+
+def _passable(opening: OpeningTruth) -> bool:
+    return opening.clear is True and _wide(opening)
+
+
+def _wide(opening: OpeningTruth) -> bool:
+    """Whether the robot passes between the jambs straight ahead; the plan's walls are not asked."""
+    left, right = opening.jambs_deg
+    width = 2 * opening.range_m * np.tan(np.radians(max(left - right, 0.0) / 2))
+    return bool(width >= Footprint().width_m + ROOM_M)
 
 
 def _plain(opening: OpeningTruth) -> bool:
