@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera import Camera, Pose
-from doorway3ds.errors import UserError
 from doorway3ds.robots.base import RobotPose, TurnEnd, TurnResult
 from doorway3ds.robots.naoformat import FRAME_ROBOT, pose_of
 from doorway3ds.sim.body import MODELS, Body, Clock, Gait
@@ -42,14 +41,9 @@ class Studio:
         self._home: Home | None = None
         try:
             self._context: Any = self._do(open_context)
-        except (ImportError, RuntimeError) as error:
+        except BaseException:
             self._thread.shutdown()
-            if isinstance(error, ModuleNotFoundError):
-                raise
-            raise UserError(
-                f"no OpenGL for simulated homes ({error}); install EGL or OSMesa and choose it by "
-                "MUJOCO_GL=egl or osmesa"
-            ) from error
+            raise
 
     def shot(self, home: Home, camera: Camera, eye: Eye, rng: np.random.Generator | None) -> Shot:
         """The picture and truth; rng: of the sensor's errors, None = an ideal one."""
