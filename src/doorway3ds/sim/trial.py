@@ -146,10 +146,10 @@ def play(
         network="truth" if network is None else network.name,
         outcome=str(report.outcome),
         why=report.why,
-        success=_succeeded(stage, report.outcome, off, bool(goes)),
+        success=bool(_succeeded(stage, report.outcome, off, bool(goes))),
         off_deg=off,
         clear=clear,
-        wrong_turns=wrong,
+        wrong_turns=int(wrong),
         without_door=stage.expected == "no_door" and went,
         when_blocked=stage.expected == "blocked" and went,
         goes=report.goes,
@@ -200,7 +200,7 @@ def _leads_away(stage: Stage, x: float, y: float, before: float, after: float) -
     if not bearings:
         return True
     was, now = (min(_gap(b, heading) for b in bearings) for heading in (before, after))
-    return now > was + 1 and now > FACES_DEG
+    return bool(now > was + 1 and now > FACES_DEG)
 
 
 def _off(studio: Studio, world: World) -> tuple[float | None, bool | None]:
@@ -211,6 +211,6 @@ def _off(studio: Studio, world: World) -> tuple[float | None, bool | None]:
     truth = studio.truth(world.stage.home, world.body.camera(*SIZE), ahead)[1]
     if truth.openings:
         nearest = min(truth.openings, key=lambda o: abs(o.bearing_deg))
-        return abs(nearest.bearing_deg), nearest.clear
+        return float(abs(nearest.bearing_deg)), nearest.clear
     bearings = _bearings(world.stage, eye.x, eye.y)
     return min((_gap(b, eye.heading_deg) for b in bearings), default=None), None
