@@ -162,7 +162,10 @@ function paperMarks(view) {
       found.push(shape("path", { d, fill: "#fff", stroke: "#1b2029", "stroke-width": 6 }));
       found.push(shape("path", { d, fill: color[name], stroke: "#fff", "stroke-width": 3 }));
     }
-    tag(name[0].toUpperCase() + name.slice(1), at[0] + 4.5 * r, at[1] - 2 * r, view, "");
+    // Outside of the way between Max and Best, so that both can be read.
+    const leftward = max && aimed && max[0] < aimed[0];
+    const side = name !== "trigger" && leftward === (name === "max") ? -4.5 : 4.5;
+    tag(name[0].toUpperCase() + name.slice(1), at[0] + side * r, at[1] - 2 * r, view, "");
   }
   return found;
 }
