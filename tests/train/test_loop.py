@@ -236,9 +236,13 @@ def test_two_processes_learn_what_one_does(tmp_path: Path) -> None:
         )
         for rank in range(2)
     ]
-    loop, _ = make(tmp_path / "one")
-    history = loop.run()
-    assert [member.wait(timeout=180) for member in members] == [0, 0]
+    try:
+        loop, _ = make(tmp_path / "one")
+        history = loop.run()
+        assert [member.wait(timeout=400) for member in members] == [0, 0]
+    finally:
+        for member in members:
+            member.kill()
     with np.load(result) as two:
         for number, weight in enumerate(loop.model.get_weights()):
             assert np.allclose(two[f"arr_{number}"], weight, atol=1e-5)

@@ -52,7 +52,7 @@ def test_cnn_srin_from_two_folders_to_look(cli: Cli, tmp_path: Path) -> None:
     assert "bad.jpg" in str(card["left_out"])
     with Path("run/checkpoint.csv").open() as file:
         assert [row["epoch"] for row in csv.DictReader(file)] == ["1", "2"]
-    assert Path("run/fine-tune.csv").is_file()
+    assert Path("run/fine-tune-after-2.csv").is_file()
     page = Path("run/report.html").read_text()
     for words in ("Confusion matrix", "ROC", "Calibration", "bad.jpg"):
         assert words in page
@@ -65,6 +65,11 @@ def test_cnn_srin_from_two_folders_to_look(cli: Cli, tmp_path: Path) -> None:
     assert (told["licence"], told["parity"]) == ("CC0-1.0", card["parity"])
     tinynets.densedepth(tmp_path / "models" / "densedepth.onnx")
     assert 0 <= float(str(answers(cli)["p_open"])) <= 1
+
+    Path("data/open-door/bad.jpg").unlink()
+    ran = cli("eval", "classifier", "data", "--network", "cnn-srin", "--repeats", 0)
+    assert ran.status == 0, ran.err
+    assert "confusion" in ran.out
 
 
 def test_densedepth_from_pairs_to_look(

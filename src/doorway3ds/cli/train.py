@@ -200,7 +200,8 @@ def cnn_srin(
     if team.leads:
         say(
             f"{len(pictures.samples)} pictures, {len(set(pictures.groups))} groups by "
-            f"{pictures.grouping}; left out: {len(pictures.left_out)}"
+            f"{pictures.grouping}; left out: {len(pictures.left_out)}, "
+            f"{list(pictures.left_out.values()).count('half open')} of them half open"
         )
     card = train_cnn_srin(
         pictures,

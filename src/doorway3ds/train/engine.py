@@ -42,6 +42,14 @@ class Team:
             for tensor in tensors:
                 dist.all_reduce(tensor)
 
+    def align(self, variables: Sequence[Any]) -> None:
+        """Gives Keras variables the leader's values in every process."""
+        if self.size > 1:
+            import torch.distributed as dist
+
+            for variable in variables:
+                dist.broadcast(variable.value.data, src=0)
+
     def told(self, value: Any) -> Any:
         """The leader's value, in every process."""
         if self.size == 1:

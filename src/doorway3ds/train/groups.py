@@ -114,9 +114,8 @@ def split(
 ) -> tuple[list[int], list[int]]:
     """(training, held-out) indices: whole groups, near `share` of each label held out.
 
-    Large groups are dealt out first, in an order that the seed shuffles; each goes where the
-    shares of its labels are missed most. Raises UserError where a label's pictures cannot be on
-    both sides.
+    In an order that the seed shuffles, each group is held out that brings the shares nearer.
+    Raises UserError where a label's pictures cannot be on both sides.
     """
     names = sorted(set(labels))
     of_group: dict[str, NDArray[np.float64]] = {}
@@ -133,7 +132,6 @@ def split(
     wanted = np.maximum(share * total, 1.0)
     order = sorted(of_group)
     np.random.default_rng(seed).shuffle(order)
-    order.sort(key=lambda group: -of_group[group].sum())
     taken = np.zeros(len(names))
     held: set[str] = set()
     for group in order:

@@ -122,13 +122,17 @@ class Loop:
         Raises UserError where a loss or gradient is not finite, naming the batch, and where the
         checkpoint belongs to another training. KeyboardInterrupt comes after the checkpoint.
         """
-        state = self._restore() if resume and self.checkpoint.is_file() else _Run()
+        goes_on = resume and self.team.leads and self.checkpoint.is_file()
+        state: _Run = self.team.told(self._restore() if goes_on else _Run())
+        self.team.align([*self.model.weights, *self.optimizer.variables])
         with self._watch_interrupt():
             while state.epoch < self.config.epochs and not self._should_stop(state):
                 self._one_epoch(state)
-        if self.config.patience and self.best.is_file():
-            arrays, _ = checkpoint.load(self.best)
-            self._put("w", self.model.weights, arrays, self.best)
+        if self.config.patience:
+            if self.team.leads and state.history:
+                arrays, _ = checkpoint.load(self.best)
+                self._put("w", self.model.weights, arrays, self.best)
+            self.team.align(self.model.weights)
         return state.history
 
     def _one_epoch(self, state: _Run) -> None:

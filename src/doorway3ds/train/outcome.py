@@ -135,6 +135,7 @@ def curves(history: Sequence[Row], name: str) -> bytes:
             if points:
                 axes.plot(*zip(*points, strict=True), color=color, label=label, marker=".")
         axes.set(xlabel="epoch", ylabel=name.replace("_", " "))
+        axes.xaxis.get_major_locator().set_params(integer=True)
         axes.legend(frameon=False)
     return done()
 

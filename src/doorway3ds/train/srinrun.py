@@ -210,7 +210,7 @@ def _fine_tune(
         sides[1],
         second,
         out,
-        stem="fine-tune",
+        stem=f"fine-tune-after-{options.epochs}",  # another head needs another second stage
         identity=identity,
         watcher=watcher,
         team=team,
