@@ -207,7 +207,8 @@ def kind_of(path: Path) -> str:
 
     names = output_names(path)
     for kind in MODELS:
-        if set(_adapter(kind).outputs) == names:
+        adapter = _adapter(kind)
+        if set(adapter.outputs) == names - set(getattr(adapter, "optional", ())):
             return kind
     raise UserError(
         f"network file {path} has another signature: expected outputs of one of "
