@@ -94,6 +94,7 @@ class _Action:
     turn_deg: float = 0.0
     outcome: Outcome | None = None
     why: str = ""
+    bearing_deg: float | None = None
 
     def __str__(self) -> str:
         turn = f" {self.turn_deg:+.1f} deg" if self.turn_deg else ""
@@ -103,13 +104,14 @@ class _Action:
 class Loop:
     """One run. tell: is called with one line about each look and turn.
 
-    clock, sleep: the frames' clock, and how to wait on it.
+    decide: the decision for a frame, given the bearing at which the doorway that was turned to last
+    should be, None without one. clock, sleep: the frames' clock, and how to wait on it.
     """
 
     def __init__(
         self,
         source: Frames,
-        decide: Callable[[Frame], Decision],
+        decide: Callable[[Frame, float | None], Decision],
         driver: Driver,
         params: LoopParams | None = None,
         *,
@@ -126,6 +128,7 @@ class Loop:
         self._blocked = self._unsure = self._stale = 0
         self._searched_deg = 0.0
         self._side = 1.0
+        self._expected_deg: float | None = None
 
     def run(self) -> Report:
         """Runs until an outcome. Whatever ends it, the robot has been told to stop.
@@ -161,10 +164,10 @@ class Loop:
             frame = self._fresh()
             if frame is None:
                 return Outcome.LOST, "no fresh picture comes from the camera"
-            decision = self._decide(frame)
+            decision = self._decide(frame, self._expected_deg)
             self._looks += 1
             action = self._plan(decision)
-            self._log.look(self._looks, decision, str(action))
+            self._log.look(self._looks, decision, str(action), self._expected_deg)
             self._tell(f"look {self._looks}: {decision.reason} -> {action}")
             if action.outcome is not None:
                 return action.outcome, action.why
@@ -201,7 +204,8 @@ class Loop:
             if self._goes >= params.goes:
                 why = f"after {self._goes} turns it does not face it yet"
                 return _Action("end", outcome=Outcome.UNSURE, why=why)
-            return self._or_dry(_Action("go", self._driver.clamp(decision.turn_deg)))
+            turn = self._driver.clamp(decision.turn_deg)
+            return self._or_dry(_Action("go", turn, bearing_deg=decision.turn_deg))
         if decision.reason is Reason.ALIGNED:
             return _Action("end", outcome=Outcome.ALIGNED, why="it faces the doorway")
         if decision.reason is Reason.BLOCKED:
@@ -257,6 +261,10 @@ class Loop:
             return None
         self._ready_s = self._clock() + self._params.settle_s
         self._count(action, result)
+        # Where the doorway should be now; a glance or a search follows none.
+        self._expected_deg = None
+        if action.bearing_deg is not None and result.turned_deg is not None:
+            self._expected_deg = action.bearing_deg - result.turned_deg
         turned = "unknown" if result.turned_deg is None else f"{result.turned_deg:+.1f} deg"
         self._tell(f"turn {action.turn_deg:+.1f} deg: {result.end}, turned {turned}")
         self._log.write(

@@ -1,7 +1,7 @@
 """The log of a run: one JSON object a line, each line whole, and the pictures that were decided on.
 
     start   method, network, gates, limits, source, robot, version
-    look    step, image, camera, pose, stamp_s, decision, action
+    look    step, image, camera, pose, stamp_s, expected_deg, decision, action
     turn    step, asked_deg, turned_deg, end, took_s
     end     outcome, turns, took_s
 
@@ -72,8 +72,13 @@ class RunLog:
         except OSError as error:
             raise UserError(f"cannot write the log {self.folder}: {error.strerror}") from error
 
-    def look(self, step: int, decision: Decision, action: str) -> None:
-        """A picture, what was decided on it, and what follows from that."""
+    def look(
+        self, step: int, decision: Decision, action: str, expected_deg: float | None = None
+    ) -> None:
+        """A picture, what was decided on it, and what follows from that.
+
+        expected_deg: where the doorway that is followed should have been.
+        """
         if self.folder is None:
             return
         self._pictures += 1
@@ -86,7 +91,8 @@ class RunLog:
             write_bytes(self.folder / kept["perception"], _packed(decision.perception))
         self.write(
             "look", step=step, image=name, camera=asdict(frame.camera), pose=asdict(frame.pose),
-            stamp_s=frame.stamp_s, **kept, decision=decision.to_dict(name), action=action,
+            stamp_s=frame.stamp_s, expected_deg=expected_deg, **kept,
+            decision=decision.to_dict(name), action=action,
         )  # fmt: skip
 
     def close(self) -> None:
@@ -115,6 +121,7 @@ class Look:
     decision: dict[str, Any]
     action: str
     perception: Perception | None
+    expected_deg: float | None = None
 
 
 def read_log(folder: Path) -> list[dict[str, Any]]:
@@ -153,7 +160,10 @@ def looks(folder: Path, events: list[dict[str, Any]]) -> Iterator[Look]:
             frame = Frame(image, Camera(**camera), Pose(**event["pose"]), event["stamp_s"])
             kept = event.get("perception")
             perception = None if kept is None else _unpacked(folder / kept)
-            yield Look(event["step"], frame, event["decision"], event["action"], perception)
+            yield Look(
+                event["step"], frame, event["decision"], event["action"], perception,
+                event.get("expected_deg"),
+            )  # fmt: skip
         except (KeyError, TypeError, ValueError) as error:
             raise UserError(f"{folder / LOG}: a look is damaged ({error})") from error
 

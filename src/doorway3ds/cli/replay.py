@@ -32,6 +32,7 @@ def replay(
 
     Exit status: 0 all decisions are the same, 1 some differ or the run cannot be read.
     """
+    from doorway3ds.follow import follow
     from doorway3ds.runlog import differences, looks, read_log
 
     events = read_log(run)
@@ -41,7 +42,8 @@ def replay(
         total += 1
         if kept is not None:
             kept.perception = look.perception
-        now = pipeline.decide(look.frame).to_dict()
+        decision = pipeline.decide(look.frame)
+        now = follow(decision, look.expected_deg, pipeline.params, pipeline.gates).to_dict()
         names = differences(look.decision, now, tolerance)
         before = f"look {look.step}: {_short(look.decision)} -> {look.action}"
         if names:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from doorway3ds.pipeline import Pipeline
     from doorway3ds.robots.base import Limits, Robot
     from doorway3ds.sources import Source
+    from doorway3ds.types import Decision, Frame
 
 _SAID = {
     "aligned": "I am facing the doorway.",
@@ -88,6 +89,7 @@ def run(
     choice = CameraOptions(camera).resolve()
 
     from doorway3ds.cli._signals import ended_by_sigterm
+    from doorway3ds.follow import follow
     from doorway3ds.loop import Loop, LoopParams
     from doorway3ds.robots.base import Driver, Limits
     from doorway3ds.runlog import RunLog
@@ -109,7 +111,12 @@ def run(
         )  # fmt: skip
         params = LoopParams(aligned_deg=aligned_deg, blocked_s=blocked_s)
         driver = Driver(legs, move=move, limits=limits)
-        report = Loop(found, pipeline.decide, driver, params, log=record, tell=_tell).run()
+
+        def decide(frame: Frame, expected_deg: float | None) -> Decision:
+            decision = pipeline.decide(frame)
+            return follow(decision, expected_deg, pipeline.params, pipeline.gates)
+
+        report = Loop(found, decide, driver, params, log=record, tell=_tell).run()
         if say and move:
             with contextlib.suppress(UserError):
                 legs.say(_SAID.get(report.outcome, "I stopped."))

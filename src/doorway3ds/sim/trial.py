@@ -14,6 +14,7 @@ import numpy as np
 
 from doorway3ds.camera import Camera
 from doorway3ds.decision import decide
+from doorway3ds.follow import follow
 from doorway3ds.loop import Loop, LoopParams, Outcome
 from doorway3ds.networks.base import Network
 from doorway3ds.opening import columns_from_spans, select_opening
@@ -120,8 +121,14 @@ def play(
     pipeline = None if network is None else Pipeline(network, method)
     goes: list[int] = []
 
-    def look(frame: Frame) -> Decision:
+    def look(frame: Frame, expected_deg: float | None) -> Decision:
         decision = pipeline.decide(frame) if pipeline else _true_decision(eyes, frame, method)
+        decision = follow(
+            decision,
+            expected_deg,
+            pipeline.params if pipeline else None,
+            pipeline.gates if pipeline else None,
+        )
         watch(decision, world)
         return decision
 
