@@ -38,6 +38,8 @@ class ClearanceParams:
         even where the depth sees nothing (above 1: never).
     vote_blocks: with a network's depth, the network's own probability that the way is free
         blocks below this even where the depth sees nothing (0: never).
+    vote_alone: the same limit where the depth shows no floor on the way, so that nothing but
+        the vote speaks.
     vote_frees: from this on it overrules what the depth calls an obstacle (above 1: never).
     """
 
@@ -53,6 +55,7 @@ class ClearanceParams:
     floor_veto: float = 0.5
     mask_blocks: float = 1.1
     vote_blocks: float = 0.0
+    vote_alone: float = 0.0
     vote_frees: float = 1.1
 
 
@@ -103,8 +106,11 @@ def sweep(
     reach = params.max_range_m if range_m is None else range_m
     way = np.array([math.cos(math.radians(bearing_deg)), math.sin(math.radians(bearing_deg))])
     corridor = _corridor(way, params.start_m, max(reach, params.start_m), params.width_m)
+    if scene.depth_error == 0:
+        vote = None  # true depth needs no second opinion
     if scene.plane is None:
-        return Clearance(None, None, corridor, np.empty((0, 2)), None, None, None)
+        clear = False if vote is not None and vote < params.vote_alone else None
+        return Clearance(clear, None, corridor, np.empty((0, 2)), None, None, None)
 
     x, y, z, floor = scene.x, scene.y, scene.z, scene.floor
     way_x, way_y, way_z = scene.directions
@@ -147,20 +153,20 @@ def sweep(
         if np.count_nonzero(bare) > params.mask_blocks * np.count_nonzero(way_pixels):
             block = bare
 
-    if vote is None or scene.depth_error == 0:  # true depth needs no second opinion
-        vote = params.vote_blocks
-    elif vote >= params.vote_frees:
+    seen_floor = floor_from is not None and floor_from < reach
+    if vote is not None and vote >= params.vote_frees:
         block = None
-    clear: bool | None = None
+    least = params.vote_blocks if seen_floor else params.vote_alone
+    clear = None
     obstacle_px, obstacle_m = None, None
-    if block is None and vote < params.vote_blocks:
+    if block is None and vote is not None and vote < least:
         clear = False
     elif block is not None:
         clear = False
         rows, columns = np.nonzero(block)
         obstacle_px = np.stack([scene.columns_px[columns], scene.rows_px[rows]], axis=-1)
         obstacle_m = float(np.nanmin(np.where(z[block] < 0, ground_along[block], along[block])))
-    elif floor_from is not None and floor_from < reach:
+    elif seen_floor:
         clear = True
     start = params.start_m if floor_from is None else floor_from
     return Clearance(

@@ -73,7 +73,8 @@ def decode_columns(
 
     The best strip gathers all strips whose spans overlap its own by `same_iou`; the opening's
     edges are the score-weighted mean of their votes, which is finer than a strip. What is left
-    inside it is dropped, and the next best strip begins the next opening.
+    inside it, or overlaps it by a third of the narrower of the two, is dropped, and the next best
+    strip begins the next opening.
     """
     score = np.nan_to_num(np.asarray(votes.score, dtype=np.float64))
     left = np.clip(np.asarray(votes.left_px, dtype=np.float64), -0.5, width - 0.5)
@@ -90,7 +91,9 @@ def decode_columns(
         low = float(weight @ left[group] / weight.sum())
         high = float(weight @ right[group] / weight.sum())
         found.append((low, high, float(weight @ weight / weight.sum())))
-        free &= ~group & ~((centre >= low) & (centre <= high))
+        shared = np.minimum(right, high) - np.maximum(left, low)
+        narrower = np.minimum(right - left, high - low)
+        free &= ~group & ~((centre >= low) & (centre <= high)) & (shared < narrower / 3)
     return sorted(found, key=lambda span: (-span[2], span[0] - span[1]))
 
 
