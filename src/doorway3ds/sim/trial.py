@@ -37,7 +37,7 @@ FACES_DEG = 5.0
 class Episode:
     """One run. off_deg: from the nearest open doorway of the room at the end, None without one.
 
-    wrong_turns: turns towards a doorway that led away from every one. without_door, when_blocked:
+    wrong_turns: turns towards a doorway that led away from every one in the picture. without_door, when_blocked:
     it turned towards something, or said it faced it, where it should not have.
     clear: whether the way to that doorway is free in the last picture, by its truth.
     took_s: simulated time.
@@ -91,18 +91,21 @@ class _Eyes:
 
 
 class _Judge(SimRobot):
-    """Turns as the simulated robot does, and watches where to."""
+    """Turns as the simulated robot does, and knows whether that led away from every doorway."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, eyes: _Eyes) -> None:
         super().__init__(world)
-        self._world = world
-        self.headings: list[tuple[float, float]] = []
+        self._eyes = eyes
+        self.away: list[bool] = []
 
     def turn(self, theta_deg: float, timeout_s: float) -> TurnResult:
-        before = self._world.body.place()[2]
-        result = super().turn(theta_deg, timeout_s)
-        self.headings.append((before, before + theta_deg))
-        return result
+        truth = self._eyes.truth
+        bearings = [o.bearing_deg for o in truth.openings] if truth is not None else []
+        was, now = (
+            min((abs(b - turned) for b in bearings), default=180.0) for turned in (0.0, theta_deg)
+        )
+        self.away.append(not bearings or bool(now > was + 1 and now > FACES_DEG))
+        return super().turn(theta_deg, timeout_s)
 
 
 def play(
@@ -117,7 +120,7 @@ def play(
     clock = FastClock()
     world = World(studio, stage, clock=clock)
     eyes = _Eyes(world, clock, network is not None)
-    robot = _Judge(world)
+    robot = _Judge(world, eyes)
     pipeline = None if network is None else Pipeline(network, method)
     goes: list[int] = []
 
@@ -134,16 +137,13 @@ def play(
 
     def note(line: str) -> None:
         if line.startswith("look") and "-> go" in line:
-            goes.append(len(robot.headings))
+            goes.append(len(robot.away))
 
     driver = Driver(robot, move=True, clock=clock.now)
     report = Loop(
         eyes, look, driver, params, tell=note, clock=clock.now, sleep=clock.sleep
     ).run()  # fmt: skip
-    x, y, _ = world.body.place()
-    wrong = sum(
-        _leads_away(stage, x, y, *robot.headings[k]) for k in goes if k < len(robot.headings)
-    )
+    wrong = sum(robot.away[k] for k in goes if k < len(robot.away))
     off, clear = _off(studio, world)
     went = bool(goes) or report.outcome is Outcome.ALIGNED
     return Episode(
@@ -200,14 +200,6 @@ def _bearings(stage: Stage, x: float, y: float) -> list[float]:
 
 def _gap(a: float, b: float) -> float:
     return abs((a - b + 180) % 360 - 180)
-
-
-def _leads_away(stage: Stage, x: float, y: float, before: float, after: float) -> bool:
-    bearings = _bearings(stage, x, y)
-    if not bearings:
-        return True
-    was, now = (min(_gap(b, heading) for b in bearings) for heading in (before, after))
-    return bool(now > was + 1 and now > FACES_DEG)
 
 
 def _off(studio: Studio, world: World) -> tuple[float | None, bool | None]:
