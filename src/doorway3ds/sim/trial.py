@@ -37,8 +37,9 @@ FACES_DEG = 5.0
 class Episode:
     """One run. off_deg: from the nearest open doorway of the room at the end, None without one.
 
-    wrong_turns: turns towards a doorway that led away from every one in the picture. without_door, when_blocked:
-    it turned towards something, or said it faced it, where it should not have.
+    wrong_turns: turns towards a doorway that led away from every one in the picture.
+    without_door, when_blocked: it turned towards something, or said it faced it, where it
+    should not have.
     clear: whether the way to that doorway is free in the last picture, by its truth.
     took_s: simulated time.
     """
