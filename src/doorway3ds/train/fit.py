@@ -101,9 +101,8 @@ def fit(
     weights: LossWeights,
     folder: Path,
     resume: bool = False,
-    callbacks: Sequence[Any] = (),
 ) -> None:
-    """Trains `net` in place; logs to folder/log.csv, checkpoints to folder.
+    """Trains `net` in place; logs to folder/log-N.csv, checkpoints to folder.
 
     The averaged weights are in the model, and in folder/stage-N.weights.h5, after each stage.
     resume: stages whose file is there already are loaded, not trained.
@@ -218,9 +217,13 @@ def fit(
                 Average(),
                 keras.callbacks.CSVLogger(str(folder / f"log-{number}.csv")),
                 keras.callbacks.TerminateOnNaN(),
-                *callbacks,
             ],
         )
+        if not all(bool(torch.isfinite(w.value).all()) for w in net.whole.weights):
+            raise UserError(
+                f"training diverged in stage {number + 1}: weights are no numbers; lower its "
+                "learning_rate. Earlier stages' weights are untouched"
+            )
         step += total_steps
         partial = folder / f"part-{number}.weights.h5"
         net.whole.save_weights(partial)
