@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 pytest.importorskip("torch")
+os.environ["KERAS_BACKEND"] = "torch"  # before Keras is first imported
 pytest.importorskip("keras")
-os.environ["KERAS_BACKEND"] = "torch"
 
 from doorway3ds.cli.main import run
 from doorway3ds.errors import UserError
