@@ -263,6 +263,7 @@ class Video(_Service):
         super().__init__(nao)
         self._lock = threading.Lock()
         self._open: dict[str, _Subscription] = {}
+        self._latest: dict[tuple[int, int, int], Any] = {}
 
     def subscribeCamera(
         self, name: str, camera: int, resolution: int, colour: int, fps: int
@@ -298,10 +299,15 @@ class Video(_Service):
             return None
         now = time.time() + faults.clock_s
         last = subscription.last
-        if last is not None and (faults.frozen or 0 <= now - last[0] < 1 / subscription.fps):
+        if last is not None and 0 <= now - last[0] < 1 / subscription.fps:
             return last[1]
+        # A camera that froze gives its last picture to new subscribers, too.
+        kind = (subscription.camera, subscription.resolution, subscription.colour)
+        if faults.frozen and kind in self._latest:
+            return self._latest[kind]
         container = self._photograph(subscription, now, faults.short)
         subscription.last = (now, container)
+        self._latest[kind] = container
         return container
 
     def releaseImage(self, handle: str) -> bool:

@@ -38,10 +38,13 @@ def open_uri(uri: str, view: View, **options: Any) -> Source:
     if not 1 <= fps <= 30:
         raise CallError(f"{uri}: fps must be from 1 to 30, got {fps}")
 
+    # A camera that froze shows a new connection its old picture: stamps outlive connections.
+    seen: list[tuple[int, int]] = []
+
     def connect() -> NaoCapture:
         naoqi = Naoqi(host, port, given.get("timeout_s", 5.0))
         try:
-            return NaoCapture(naoqi, camera, resolution, colour, fps)
+            return NaoCapture(naoqi, camera, resolution, colour, fps, seen)
         except BaseException:
             naoqi.close()
             raise
@@ -58,14 +61,23 @@ def _choice(uri: str, name: str, value: str, known: dict[str, Any]) -> Any:
 
 
 class NaoCapture:
-    """One subscription to one camera; always unsubscribed, also where setting up fails."""
+    """One subscription to one camera; always unsubscribed, also where setting up fails.
+
+    seen: holds the last picture's stamp, for the connection after this one.
+    """
 
     def __init__(
-        self, naoqi: Naoqi, camera: tuple[int, str], resolution: int, colour: int, fps: int
+        self,
+        naoqi: Naoqi,
+        camera: tuple[int, str],
+        resolution: int,
+        colour: int,
+        fps: int,
+        seen: list[tuple[int, int]] | None = None,
     ) -> None:
         self._naoqi, self._fps = naoqi, fps
         self._index, self._part = camera
-        self._stamp: tuple[int, int] | None = None
+        self._seen = [] if seen is None else seen
         self._next_s = 0.0
         client = _client()
         self._forget_the_dead(client)
@@ -94,9 +106,9 @@ class NaoCapture:
         except UserError:
             return None  # cut short on its way; the next one may be whole
         stamp = (int(fields[4]), int(fields[5]))
-        if stamp == self._stamp:
+        if stamp in self._seen:
             return None
-        self._stamp = stamp
+        self._seen[:] = [stamp]
         after = self._pose()
         if not _alike(before, after):
             return None
