@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from doorway3ds.errors import UserError
 from doorway3ds.files import write_bytes
 from doorway3ds.train.doornet import CANONICAL_F_PX
 
+FULL_BOUND, HALF_BOUND = 1e-3, 0.05  # largest difference accepted; 16-bit weights are rounded
 OUTPUTS = ("p_open", "score", "left", "right", "clear", "depth", "floor")
 
 
@@ -50,6 +53,27 @@ def _wrapped(model: Any, calibration: Calibration) -> Any:
     return Exported().eval()
 
 
+def _trace(
+    module: Any, example: Any, target: Any, outputs: list[str], axes: dict[str, dict[int, str]]
+) -> None:
+    """Exports a module by running it once; target: a path or a stream of bytes."""
+    import torch
+
+    with torch.no_grad(), warnings.catch_warnings():
+        # of sizes that tracing fixes: they are the layers' own, not the picture's
+        warnings.simplefilter("ignore")
+        torch.onnx.export(
+            module,
+            (example,),
+            target,
+            input_names=["image"],
+            output_names=outputs,
+            dynamic_axes=axes,
+            opset_version=17,
+            dynamo=False,
+        )
+
+
 def export_onnx(
     model: Any,
     path: Path,
@@ -69,21 +93,10 @@ def export_onnx(
     wrapped = _wrapped(model, calibration)
     example = torch.rand(1, 3, 192, 256) * 255
     temporary = path.with_name(path.name + ".part")
-    with torch.no_grad():
-        torch.onnx.export(
-            wrapped,
-            (example,),
-            str(temporary),
-            input_names=["image"],
-            output_names=list(OUTPUTS),
-            dynamic_axes={
-                "image": {2: "height", 3: "width"},
-                **{name: {1: "strips"} for name in ("score", "left", "right", "clear")},
-                **{name: {1: f"{name}_height", 2: f"{name}_width"} for name in ("depth", "floor")},
-            },
-            opset_version=17,
-            dynamo=False,
-        )
+    axes = {"image": {2: "height", 3: "width"}}
+    axes |= {name: {1: "strips"} for name in ("score", "left", "right", "clear")}
+    axes |= {name: {1: f"{name}_height", 2: f"{name}_width"} for name in ("depth", "floor")}
+    _trace(wrapped, example, str(temporary), list(OUTPUTS), axes)
     graph = onnx.load(str(temporary))
     if half:
         _store_half(graph)
@@ -96,6 +109,13 @@ def export_onnx(
     onnx.checker.check_model(graph)
     onnx.save(graph, str(temporary))
     difference = parity(wrapped, temporary)
+    bound = HALF_BOUND if half else FULL_BOUND
+    if not difference <= bound:
+        temporary.unlink()
+        raise UserError(
+            f"ONNX Runtime and Keras differ by {difference:.1e} of the largest output, at most "
+            f"{bound:g} is accepted; nothing was written"
+        )
     temporary.replace(path)
     return difference
 
@@ -133,17 +153,8 @@ class OnnxEncoder:
         names = [f"feature_{index}" for index in range(len(encoder.outputs))]
         # each output has axes of its own: one name for two sizes would be taken for one size
         axes = {n: {0: "batch", 2: f"{n}_height", 3: f"{n}_width"} for n in ["image", *names]}
-        with torch.no_grad():
-            torch.onnx.export(
-                Listed().eval(),
-                (torch.rand(2, 3, 192, 256) * 255,),
-                stream,
-                input_names=["image"],
-                output_names=names,
-                dynamic_axes=axes,
-                opset_version=17,
-                dynamo=False,
-            )
+        example = torch.rand(2, 3, 192, 256) * 255
+        _trace(Listed().eval(), example, stream, names, axes)
         self._session = onnxruntime.InferenceSession(
             stream.getvalue(), providers=["CPUExecutionProvider"]
         )
