@@ -99,9 +99,11 @@ def join() -> Team:
 
 
 def leave() -> None:
-    """Ends the team; does nothing outside of one."""
+    """Ends the team once all its members are done; does nothing outside of one."""
     dist = sys.modules.get("torch.distributed")
     if dist is not None and dist.is_available() and dist.is_initialized():
+        # a member that goes first takes the store along, and the others' threads die of it
+        dist.barrier()
         dist.destroy_process_group()
 
 
