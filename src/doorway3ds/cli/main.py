@@ -12,7 +12,19 @@ from collections.abc import Sequence
 from importlib import import_module
 
 # In the order of `3ds --help`; other files in this folder follow by name.
-_ORDER = ("look", "models", "bench", "calibrate", "train", "eval", "sim")
+_ORDER = (
+    "look",
+    "live",
+    "serve",
+    "run",
+    "replay",
+    "calibrate",
+    "models",
+    "bench",
+    "train",
+    "eval",
+    "sim",
+)
 
 # Which extra brings a module that the default install does without.
 _EXTRAS = {
