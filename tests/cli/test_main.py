@@ -15,7 +15,7 @@ from tests.conftest import Cli
 
 def test_every_command_has_help(cli: Cli) -> None:
     names = command.commands()
-    assert names[:3] == ["look", "models", "bench"]
+    assert names[:5] == ["look", "live", "serve", "run", "replay"]
     ran = cli("--help")
     assert ran.status == 0
     for name in names:
