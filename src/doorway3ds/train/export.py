@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import warnings
 from collections.abc import Mapping
@@ -203,8 +202,3 @@ def parity(wrapped: Any, path: Path) -> float:
                 scale = max(float(np.abs(reference).max()), 1e-3)
                 worst = max(worst, float(np.abs(got - reference).max()) / scale)
     return worst
-
-
-def sha256(path: Path) -> str:
-    """Hexadecimal SHA-256 of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -15,10 +15,11 @@ import numpy as np
 from doorway3ds.errors import UserError
 from doorway3ds.evaluate.datasets import place_folds
 from doorway3ds.files import write_bytes
+from doorway3ds.networks.session import digest
 from doorway3ds.train.augment import view
 from doorway3ds.train.calibrate import platt, relative_depth_error
 from doorway3ds.train.doornet import DoorNet, build_doornet
-from doorway3ds.train.export import Calibration, export_onnx, sha256
+from doorway3ds.train.export import Calibration, export_onnx
 from doorway3ds.train.fit import LANDSCAPE, PORTRAIT, collate, fit
 from doorway3ds.train.recipe import Recipe
 from doorway3ds.train.samples import (
@@ -211,8 +212,8 @@ def train_doornet(
         else f"{report + 1}/{hold_out[1]}",
         "held_out_places": sorted({s.place for s in held}),
         "initialised_from": {
-            "semantic": sha256(teachers.semantic),
-            "depth": sha256(teachers.depth),
+            "semantic": digest(teachers.semantic),
+            "depth": digest(teachers.depth),
         },
         "calibration": asdict(found),
         "depth_error": max(measured.get("depth_error", 0.0), _FASTDEPTH_ERROR),
@@ -221,7 +222,7 @@ def train_doornet(
     }
     shown = {key: card[key] for key in _SHOWN}
     card["parity"] = export_onnx(net.whole, path, calibration=found, metadata=shown)
-    card["sha256"], card["bytes"] = sha256(path), path.stat().st_size
+    card["sha256"], card["bytes"] = digest(path), path.stat().st_size
     write_bytes(out / "doornet.json", (json.dumps(card, indent=2) + "\n").encode())
     return card
 

@@ -28,9 +28,10 @@ from doorway3ds.evaluate.readers import read_dataset
 from doorway3ds.files import write_bytes
 from doorway3ds.networks.base import Network
 from doorway3ds.networks.doornet import DoorNet
+from doorway3ds.networks.session import digest
 from doorway3ds.opening import OpeningParams, select_opening
 from doorway3ds.params import override
-from doorway3ds.train.export import set_thresholds, sha256
+from doorway3ds.train.export import set_thresholds
 from doorway3ds.train.run import read_calibration
 from doorway3ds.types import Frame, Perception
 
@@ -149,6 +150,6 @@ def tune_run(
         )
     found = nested(tune(Tuning.look(DoorNet(network_file), samples), tell=tell))
     set_thresholds(network_file, found)
-    card |= {"thresholds": found, "sha256": sha256(network_file)}
+    card |= {"thresholds": found, "sha256": digest(network_file)}
     write_bytes(card_file, (json.dumps(card, indent=2) + "\n").encode())
     return found
