@@ -16,6 +16,18 @@ import typer
 
 from doorway3ds.cli._camera import CameraOptions, require_range
 from doorway3ds.cli._film import Film, require_film
+from doorway3ds.cli._options import (
+    Camera,
+    FovDeg,
+    HeightM,
+    MaxUnseenM,
+    Method,
+    Network,
+    PitchDeg,
+    RollDeg,
+    Threads,
+    WidthM,
+)
 from doorway3ds.cli._pipeline import build_pipeline
 from doorway3ds.cli._signals import ended_by_sigterm
 
@@ -50,22 +62,15 @@ def live(
         Path | None,
         typer.Option(metavar="DIR", help="Every picture and decision, for `3ds replay`."),
     ] = None,
-    method: Annotated[str, typer.Option(help="opening or paper.")] = "opening",
-    network: Annotated[
-        str, typer.Option(metavar="NAME[+NAME]", help="See `3ds models`; or an .onnx file.")
-    ] = "doornet",
-    camera: Annotated[
-        str | None, typer.Option(metavar="PRESET|FILE", help="Preset or ROS camera_info YAML.")
-    ] = None,
-    fov_deg: Annotated[float | None, typer.Option(help="Horizontal field of view.")] = None,
-    height_m: Annotated[float | None, typer.Option(help="Camera above the floor.")] = None,
-    pitch_deg: Annotated[float | None, typer.Option(help="Camera's pitch, + up.")] = None,
-    roll_deg: Annotated[float | None, typer.Option(help="Camera's roll.")] = None,
-    width_m: Annotated[float | None, typer.Option(help="Robot's width; NAO's by default.")] = None,
-    max_unseen_m: Annotated[
-        float | None,
-        typer.Option(help="Abstain where the floor comes into view only beyond this distance."),
-    ] = None,
+    method: Method = "opening",
+    network: Network = "doornet",
+    camera: Camera = None,
+    fov_deg: FovDeg = None,
+    height_m: HeightM = None,
+    pitch_deg: PitchDeg = None,
+    roll_deg: RollDeg = None,
+    width_m: WidthM = None,
+    max_unseen_m: MaxUnseenM = None,
     pace: Annotated[
         bool | None,
         typer.Option(
@@ -82,7 +87,7 @@ def live(
     patience_s: Annotated[
         float, typer.Option(help="End when a camera or stream stays away for so long.")
     ] = 60.0,
-    threads: Annotated[int | None, typer.Option(min=1, help="For the network.")] = None,
+    threads: Threads = None,
 ) -> None:
     """Decide on every frame, with memory between frames, until the source ends or Ctrl-C.
 

@@ -14,6 +14,18 @@ import typer
 from doorway3ds.cli._camera import CameraChoice, CameraOptions
 from doorway3ds.cli._inputs import Input, expand
 from doorway3ds.cli._native import NativeErrors
+from doorway3ds.cli._options import (
+    Camera,
+    FovDeg,
+    HeightM,
+    MaxUnseenM,
+    Method,
+    Network,
+    PitchDeg,
+    RollDeg,
+    Threads,
+    WidthM,
+)
 from doorway3ds.cli._pipeline import build_pipeline
 from doorway3ds.cli._progress import Progress
 from doorway3ds.errors import CallError, UserError
@@ -35,29 +47,22 @@ def look(
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON object per image and line.")
     ] = False,
-    method: Annotated[str, typer.Option(help="opening or paper.")] = "opening",
-    network: Annotated[
-        str, typer.Option(metavar="NAME[+NAME]", help="See `3ds models`; or an .onnx file.")
-    ] = "doornet",
-    camera: Annotated[
-        str | None, typer.Option(metavar="PRESET|FILE", help="Preset or ROS camera_info YAML.")
-    ] = None,
-    fov_deg: Annotated[float | None, typer.Option(help="Horizontal field of view.")] = None,
-    height_m: Annotated[float | None, typer.Option(help="Camera above the floor.")] = None,
-    pitch_deg: Annotated[float | None, typer.Option(help="Camera's pitch, + up.")] = None,
-    roll_deg: Annotated[float | None, typer.Option(help="Camera's roll.")] = None,
-    width_m: Annotated[float | None, typer.Option(help="Robot's width; NAO's by default.")] = None,
-    max_unseen_m: Annotated[
-        float | None,
-        typer.Option(help="Abstain where the floor comes into view only beyond this distance."),
-    ] = None,
+    method: Method = "opening",
+    network: Network = "doornet",
+    camera: Camera = None,
+    fov_deg: FovDeg = None,
+    height_m: HeightM = None,
+    pitch_deg: PitchDeg = None,
+    roll_deg: RollDeg = None,
+    width_m: WidthM = None,
+    max_unseen_m: MaxUnseenM = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help=f"Annotated pictures; ./{OUT} if not --json.")
     ] = None,
     depth_dir: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Depth maps in metres, .npy.")
     ] = None,
-    threads: Annotated[int | None, typer.Option(min=1, help="For the network.")] = None,
+    threads: Threads = None,
 ) -> None:
     """Say for each picture whether a doorway is open, where, and how far to turn.
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from doorway3ds.cli._options import Threads
 from doorway3ds.errors import CallError, UserError
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ def replay(
     ] = None,
     method: Annotated[str | None, typer.Option(help="Another method: opening or paper.")] = None,
     tolerance: Annotated[float, typer.Option(help="Numbers may differ by this share.")] = 1e-6,
-    threads: Annotated[int | None, typer.Option(min=1, help="For the network.")] = None,
+    threads: Threads = None,
 ) -> None:
     """Decide on each recorded picture again and say where the answer differs.
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from doorway3ds.cli._camera import CameraOptions, require_range
+from doorway3ds.cli._options import Camera, MaxUnseenM, Method, Threads, WidthM
 from doorway3ds.errors import CallError, UserError
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def run(
     move: Annotated[
         bool, typer.Option("--move", help="Allow motion. Without it nothing moves.")
     ] = False,
-    method: Annotated[str, typer.Option(help="opening or paper.")] = "opening",
+    method: Method = "opening",
     network: Annotated[
         str,
         typer.Option(
@@ -60,20 +61,15 @@ def run(
     ] = None,
     say: Annotated[bool, typer.Option("--say", help="The robot says how it ended.")] = False,
     rest: Annotated[bool, typer.Option("--rest", help="NAO rests afterwards: motors off.")] = False,
-    camera: Annotated[
-        str | None, typer.Option(metavar="PRESET|FILE", help="Preset or ROS camera_info YAML.")
-    ] = None,
-    width_m: Annotated[float | None, typer.Option(help="Robot's width; NAO's by default.")] = None,
-    max_unseen_m: Annotated[
-        float | None,
-        typer.Option(help="Abstain where the floor comes into view only beyond this distance."),
-    ] = None,
+    camera: Camera = None,
+    width_m: WidthM = None,
+    max_unseen_m: MaxUnseenM = None,
     aligned_deg: Annotated[float, typer.Option(help="It faces a doorway within this.")] = 3.0,
     max_turn_deg: Annotated[float, typer.Option(help="No turn is larger.")] = 60.0,
     ttl_s: Annotated[float, typer.Option(help="No motion on an older decision.")] = 2.0,
     turn_timeout_s: Annotated[float, typer.Option(help="A longer turn is stopped.")] = 20.0,
     blocked_s: Annotated[float, typer.Option(help="Between looks at a blocked way.")] = 2.0,
-    threads: Annotated[int | None, typer.Option(min=1, help="For the network.")] = None,
+    threads: Threads = None,
 ) -> None:
     """Look, decide, turn, look again, until the robot faces the doorway or should not.
 

@@ -12,6 +12,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from doorway3ds.cli._camera import CameraOptions, require_range
+from doorway3ds.cli._options import (
+    Camera,
+    FovDeg,
+    HeightM,
+    MaxUnseenM,
+    Method,
+    Network,
+    PitchDeg,
+    RollDeg,
+    WidthM,
+)
 from doorway3ds.errors import CallError
 
 if TYPE_CHECKING:
@@ -50,22 +61,15 @@ def serve(
     tls_name: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="More names for the one made here.")
     ] = None,
-    method: Annotated[str, typer.Option(help="opening or paper.")] = "opening",
-    network: Annotated[
-        str, typer.Option(metavar="NAME[+NAME]", help="See `3ds models`; or an .onnx file.")
-    ] = "doornet",
-    camera: Annotated[
-        str | None, typer.Option(metavar="PRESET|FILE", help="Preset or ROS camera_info YAML.")
-    ] = None,
-    fov_deg: Annotated[float | None, typer.Option(help="Horizontal field of view.")] = None,
-    height_m: Annotated[float | None, typer.Option(help="Camera above the floor.")] = None,
-    pitch_deg: Annotated[float | None, typer.Option(help="Camera's pitch, + up.")] = None,
-    roll_deg: Annotated[float | None, typer.Option(help="Camera's roll.")] = None,
-    width_m: Annotated[float | None, typer.Option(help="Robot's width; NAO's by default.")] = None,
-    max_unseen_m: Annotated[
-        float | None,
-        typer.Option(help="Abstain where the floor comes into view only beyond this distance."),
-    ] = None,
+    method: Method = "opening",
+    network: Network = "doornet",
+    camera: Camera = None,
+    fov_deg: FovDeg = None,
+    height_m: HeightM = None,
+    pitch_deg: PitchDeg = None,
+    roll_deg: RollDeg = None,
+    width_m: WidthM = None,
+    max_unseen_m: MaxUnseenM = None,
     loop: Annotated[
         bool, typer.Option("--loop", help="Begin a video or folder again at its end.")
     ] = False,

@@ -9,43 +9,30 @@ from typing import Annotated, Any
 
 import typer
 
+from doorway3ds.cli._options import (
+    Batch,
+    Epochs,
+    EvalLayout,
+    Group,
+    HalfOpen,
+    Install,
+    Licence,
+    Patience,
+    Pattern,
+    PerClass,
+    PlacesFile,
+    Precision,
+    Rate,
+    Resume,
+    TrainOut,
+    TrainThreads,
+    Validation,
+    Weights,
+)
 from doorway3ds.cli._training import Count, Watch, command_line, say
 from doorway3ds.errors import CallError
 
 app = typer.Typer(help="Train networks from pictures.", no_args_is_help=True)
-
-Weights = Annotated[
-    str,
-    typer.Option(
-        metavar="imagenet|none|FILE",
-        help="First weights: Keras' download, random, or an HDF5 file of Keras 1 or 2.",
-    ),
-]
-Epochs = Annotated[int, typer.Option(min=1)]
-Rate = Annotated[float, typer.Option(help="Of Adam.")]
-Batch = Annotated[int, typer.Option(min=1, help="Pictures per step.")]
-Validation = Annotated[float, typer.Option(min=0.01, max=0.9, help="Share held out.")]
-Patience = Annotated[
-    int,
-    typer.Option(min=0, help="Stop after so many epochs without gain, keep the best; 0: never."),
-]
-Group = Annotated[
-    str,
-    typer.Option(
-        help="What is never split: auto (places named by the data, else near-duplicates), near, "
-        "folder."
-    ),
-]
-Pattern = Annotated[
-    str | None, typer.Option(metavar="REGEX", help="Place = its first group, in the file's name.")
-]
-Precision = Annotated[str, typer.Option(help="auto (bfloat16 on a GPU), float32, bfloat16.")]
-Licence = Annotated[str | None, typer.Option(help="Of the pictures; noted on the card.")]
-Resume = Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in --out.")]
-Threads = Annotated[int | None, typer.Option(min=1, help="CPU threads.  [default: all]")]
-Install = Annotated[
-    bool, typer.Option("--install/--no-install", help="Let `--network` find the file by name.")
-]
 
 
 @app.callback()
@@ -61,9 +48,7 @@ def doornet(
     teachers: Annotated[
         Path, typer.Option(help="Folder with the ONNX files that training starts from.")
     ],
-    out: Annotated[Path, typer.Option(help="Folder for checkpoints, logs and the result.")] = Path(
-        "runs/doornet"
-    ),
+    out: TrainOut = Path("runs/doornet"),
     recipe: Annotated[
         Path | None, typer.Option(help="YAML file.  [default: the packaged one]")
     ] = None,
@@ -145,9 +130,7 @@ def cnn_srin(
     dataset: Annotated[
         Path, typer.Argument(help="Folder with no-door/ and open-door/, or a CSV: image, class.")
     ],
-    out: Annotated[Path, typer.Option(help="Folder for checkpoints, logs and the result.")] = Path(
-        "runs/cnn-srin"
-    ),
+    out: TrainOut = Path("runs/cnn-srin"),
     epochs: Epochs = 20,
     learning_rate: Rate = 1e-3,
     batch: Batch = 32,
@@ -162,18 +145,16 @@ def cnn_srin(
     patience: Patience = 0,
     group: Group = "auto",
     group_pattern: Pattern = None,
-    places: Annotated[Path | None, typer.Option(metavar="FILE", help="CSV: image, place.")] = None,
-    half_open: Annotated[
-        str, typer.Option(help="Half-open doors: leave-out, open or not-open.")
-    ] = "leave-out",
-    layout: Annotated[str | None, typer.Option(help="As of `3ds eval`; told if left out.")] = None,
-    limit: Annotated[int | None, typer.Option(min=1, help="At most so many per class.")] = None,
+    places: PlacesFile = None,
+    half_open: HalfOpen = "leave-out",
+    layout: EvalLayout = None,
+    limit: PerClass = None,
     seed: int = 0,
     precision: Precision = "auto",
     licence: Licence = None,
     install: Install = True,
     resume: Resume = False,
-    threads: Threads = None,
+    threads: TrainThreads = None,
 ) -> None:
     """Train the paper's classifier on pictures with and without an open doorway."""
     from doorway3ds.evaluate.readers import read_places
@@ -242,9 +223,7 @@ def densedepth(
         Path,
         typer.Argument(help="Folder of pictures with depth, or DenseDepth's own nyu_data.zip."),
     ],
-    out: Annotated[Path, typer.Option(help="Folder for checkpoints, logs and the result.")] = Path(
-        "runs/densedepth"
-    ),
+    out: TrainOut = Path("runs/densedepth"),
     unit_m: Annotated[
         float | None,
         typer.Option(metavar="M", help="Metres per count of depth, where the data do not say."),
@@ -276,7 +255,7 @@ def densedepth(
     licence: Licence = None,
     install: Install = True,
     resume: Resume = False,
-    threads: Threads = None,
+    threads: TrainThreads = None,
 ) -> None:
     """Train the paper's depth network (DenseNet-169) on pictures with depth."""
     from doorway3ds.train import engine, outcome
