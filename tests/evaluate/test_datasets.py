@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from doorway3ds.camera import Camera, Pose
+from doorway3ds.camera import Camera, Pose, write_camera_info
 from doorway3ds.errors import UserError
 from doorway3ds.evaluate import datasets, readers
 from doorway3ds.evaluate.readers import read_dataset
@@ -155,6 +155,49 @@ def test_the_renderers_own_camera_and_pose_win(tmp_path):
     assert (sample.camera, sample.pose, sample.kinds) == (camera, pose, ("closed",))
     file.write_text("{}\n")
     with pytest.raises(UserError, match=r"truth\.jsonl line 1"):
+        read_dataset(tmp_path)
+
+
+def test_pictures_of_any_size_marked_by_hand(tmp_path):
+    sizes = {"a.jpg": (64, 48), "b.jpg": (30, 90), "c.jpg": (80, 20), "hall/d.jpg": (64, 48)}
+    for name, size in sizes.items():
+        write_picture(tmp_path / name, *size)
+    (tmp_path / "doorways.csv").write_text(
+        HEADER + ",state,place\n"
+        "a.jpg,1,10.5,20,1,3,0,open,\na.jpg,1,40,63.5,,2,1,half,\n"
+        "b.jpg,1,-0.5,9,0,1,0,half,\nc.jpg,0,,,,3,0,closed,\nhall/d.jpg,0,,,,3,0,none,hall\n"
+    )
+    data = read_dataset(tmp_path)
+    assert (data.layout, data.places_known) == ("plain", False)
+    a, b, c, d = data.samples
+    # one opening half open and one open: there is an open doorway
+    assert [s.is_open for s in data.samples] == [True, None, False, False]
+    assert [s.kinds for s in data.samples] == [(), (), ("closed door",), ()]
+    assert [s.place for s in data.samples] == ["a.jpg", "b.jpg", "c.jpg", "hall"]
+    assert [(o.left_px, o.right_px, o.clear, o.second) for o in a.openings] == [
+        (10.5, 20, True, False),
+        (40, 63.5, None, True),
+    ]
+    # no camera is known: 60.9 deg across the longer side
+    assert datasets.load_frame(b).camera.fy == pytest.approx(45 / math.tan(math.radians(30.45)))
+    assert truth_of(c).openings == ()
+    assert truth_of(d).place == "hall"
+
+
+def test_a_camera_beside_the_pictures_is_theirs(tmp_path):
+    write_picture(tmp_path / "small.jpg", 64, 48)
+    write_picture(tmp_path / "tall.jpg", 48, 64)
+    (tmp_path / "doorways.csv").write_text(
+        HEADER + "\nsmall.jpg,1,10,20,1,3,0\ntall.jpg,0,,,,3,0\n"
+    )
+    write_camera_info(Camera("lens", 640, 480, 500, 505, 300, 250), tmp_path / "camera.yaml")
+    small, tall = read_dataset(tmp_path).samples
+    camera = datasets.load_frame(small).camera
+    assert (camera.name, camera.fx, camera.cx) == ("lens", 50, pytest.approx(29.55))
+    with pytest.raises(UserError, match="another aspect"):
+        datasets.load_frame(tall)
+    (tmp_path / "camera.yaml").write_text("lens: 50 mm\n")
+    with pytest.raises(UserError, match="image_width is missing"):
         read_dataset(tmp_path)
 
 

@@ -3,23 +3,28 @@
 nyu       images/, depth/ (8-bit), labels/, doorways.csv: NYU Depth v2, 640x480 with its frame
 rendered  images/, depth/ (16-bit millimetres), doorways.csv with a column fx_px, and truth.jsonl
           with each picture's whole camera and pose where it is there
-plain     images/ (or the pictures beside it), doorways.csv: photographs marked by hand
+plain     images/ (or the pictures beside it), doorways.csv: photographs marked by hand, of any
+          size, as `3ds label` writes it; a column `state` tells half open from open, and closed
+          from no door
 boxes     images/, boxes.csv: door boxes with a state, portraits squeezed to a square
 folders   one folder per class: open-door/, no-door/ and their like
+
+A camera.yaml beside doorways.csv or the class folders is the camera of its photographs (a ROS
+camera_info file); without one it is told by EXIF or assumed.
 """
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from doorway3ds.camera import Camera, Pose
+from doorway3ds.camera import Camera, Pose, default_camera, read_camera_info
 from doorway3ds.errors import CallError, UserError
-from doorway3ds.evaluate.datasets import Dataset, Marked, Sample
+from doorway3ds.evaluate.csvfile import csv_columns, csv_rows, flag, number
+from doorway3ds.evaluate.datasets import Dataset, FitCamera, Marked, Sample
 from doorway3ds.imageheader import HeaderError, read_header
 from doorway3ds.images import SUFFIXES
 
@@ -52,6 +57,11 @@ CLASS_FOLDERS: dict[str, bool | None] = {
     "semi": None,
 }
 
+CAMERA_FILE = "camera.yaml"
+HALF_OPEN = "half"  # a `state` of an open row
+# What a `state` of a picture marked by hand says is easily taken for an open doorway.
+_MARKED_KINDS = {"closed": ("closed door",), "none": ()}
+
 
 def read_dataset(
     path: Path, layout: str | None = None, places: Mapping[str, str] | None = None
@@ -63,7 +73,7 @@ def read_dataset(
     """
     if not path.is_dir():
         raise UserError(f"expected a folder with marked pictures, got {path}")
-    layout = layout or _guess_layout(path)
+    layout = layout or guess_layout(path)
     if layout not in LAYOUTS:
         raise CallError(f"expected a layout of {', '.join(LAYOUTS)}, got '{layout}'")
     if layout == "boxes":
@@ -72,6 +82,9 @@ def read_dataset(
         samples, known = _read_folders(path)
     else:
         samples, known = _read_doorways(path, layout)
+    if layout in ("plain", "folders"):
+        fit = folder_camera(path)
+        samples = [replace(s, fit=fit) for s in samples]
     if places is not None:
         missing = [s.name for s in samples if s.name not in places]
         if missing:
@@ -85,17 +98,16 @@ def read_dataset(
 
 def read_places(path: Path) -> dict[str, str]:
     """A CSV with columns image and place."""
-    return {row["image"]: row["place"] for _, row in _csv_rows(path, ("image", "place"))}
+    return {row["image"]: row["place"] for _, row in csv_rows(path, ("image", "place"))}
 
 
-def _guess_layout(path: Path) -> str:
+def guess_layout(path: Path) -> str:
+    """Which of LAYOUTS a folder is, by its files. Raises UserError where it is none."""
     if (path / "boxes.csv").is_file():
         return "boxes"
     doorways = path / "doorways.csv"
     if doorways.is_file():
-        with doorways.open(encoding="utf-8", errors="replace", newline="") as file:
-            header = next(csv.reader(file), [])
-        if "fx_px" in header:
+        if "fx_px" in csv_columns(doorways):
             return "rendered"
         return "nyu" if all((path / d).is_dir() for d in ("depth", "labels")) else "plain"
     if any(_class_key(d.name) in CLASS_FOLDERS for d in path.iterdir() if d.is_dir()):
@@ -111,7 +123,7 @@ def _read_doorways(path: Path, layout: str) -> tuple[list[Sample], bool]:
     if layout == "rendered":
         required.append("fx_px")
     by_image: dict[str, list[tuple[str, dict[str, str]]]] = {}
-    for where, row in _csv_rows(table, required):
+    for where, row in csv_rows(table, required):
         by_image.setdefault(row["image"], []).append((where, row))
     known = True
     samples = []
@@ -127,16 +139,16 @@ def _read_doorways(path: Path, layout: str) -> tuple[list[Sample], bool]:
             place = f"{int(stem) // NYU_BLOCK:03d}"
         else:
             place, known = name, False
-        is_open = _flag(main, "open", where)
+        is_open = flag(main, "open", where)
         if is_open is None:
             raise UserError(f"{where}: expected open 0 or 1, got nothing")
-        confidence = _number(main, "confidence", where)
+        confidence = number(main, "confidence", where)
         sample = Sample(
             name=name,
             place=place,
             image_path=_existing(path, name, where),
             is_open=is_open,
-            kinds=(main["state"],) if main.get("state") and not is_open else (),
+            kinds=() if is_open else _kinds(main.get("state", ""), layout),
             confidence=3 if confidence is None else int(confidence),
         )
         sample = _with_files(sample, path, layout, main, where)
@@ -145,7 +157,7 @@ def _read_doorways(path: Path, layout: str) -> tuple[list[Sample], bool]:
             sample = replace(sample, camera=camera, pose=pose)
         shift = NYU_CROP[2] if layout == "nyu" else 0
         marks = tuple(
-            _marked(row, place_, shift) for place_, row in rows if _flag(row, "open", place_)
+            _marked(row, place_, shift) for place_, row in rows if flag(row, "open", place_)
         )
         if sample.camera is not None:
             edge = sample.camera.width - 0.5
@@ -155,8 +167,23 @@ def _read_doorways(path: Path, layout: str) -> tuple[list[Sample], bool]:
             )
             if any(m.left_px >= m.right_px for m in marks):
                 raise UserError(f"{where}: the opening lies outside the picture")
+        by_hand = layout != "rendered"
+        if by_hand and marks and all(row.get("state") == HALF_OPEN for _, row in rows):
+            sample = replace(sample, is_open=None)
         samples.append(replace(sample, openings=marks))
     return samples, known
+
+
+def folder_camera(path: Path) -> FitCamera:
+    """The camera of a folder's photographs: that of its camera.yaml, else told by each picture.
+
+    Raises UserError where the file cannot be read.
+    """
+    file = path / CAMERA_FILE
+    if not file.is_file():
+        return default_camera
+    camera = read_camera_info(file)
+    return lambda width, height, focal_35mm: camera.scaled_to(width, height)
 
 
 def _with_files(
@@ -180,8 +207,8 @@ def _with_files(
     if layout == "plain":
         return replace(sample, depth_path=depth_path)
 
-    def number(column: str, default: float) -> float:
-        value = _number(row, column, where)
+    def given(column: str, default: float) -> float:
+        value = number(row, column, where)
         return default if value is None else value
 
     try:
@@ -189,7 +216,7 @@ def _with_files(
     except (HeaderError, OSError) as error:
         raise UserError(f"{sample.image_path} cannot be read: {error}") from error
     width, height = header.width, header.height
-    fx = number("fx_px", math.nan)
+    fx = given("fx_px", math.nan)
     if not fx > 0:
         raise UserError(f"{where}: expected a focal length fx_px above 0, got '{row['fx_px']}'")
     camera = Camera(
@@ -197,15 +224,15 @@ def _with_files(
         width,
         height,
         fx,
-        number("fy_px", fx),
-        number("cx_px", (width - 1) / 2),
-        number("cy_px", (height - 1) / 2),
+        given("fy_px", fx),
+        given("cx_px", (width - 1) / 2),
+        given("cy_px", (height - 1) / 2),
     )
     pose = Pose(
-        height_m=_number(row, "height_m", where),
-        pitch_deg=number("pitch_deg", 0),
-        yaw_deg=number("yaw_deg", 0),
-        roll_deg=number("roll_deg", 0),
+        height_m=number(row, "height_m", where),
+        pitch_deg=given("pitch_deg", 0),
+        yaw_deg=given("yaw_deg", 0),
+        roll_deg=given("roll_deg", 0),
     )
     return replace(sample, camera=camera, pose=pose, depth_path=depth_path, depth_unit_m=0.001)
 
@@ -219,33 +246,38 @@ def _read_eyes(path: Path) -> dict[str, tuple[Camera, Pose]]:
     except (OSError, UnicodeDecodeError) as error:
         raise UserError(f"cannot read {path}: {error}") from error
     eyes = {}
-    for number, line in enumerate(lines, 1):
+    for line_number, line in enumerate(lines, 1):
         try:
             told = json.loads(line)
             camera = {**told["camera"], "distortion": tuple(told["camera"]["distortion"])}
             eyes[str(told["image"])] = (Camera(**camera), Pose(**told["pose"]))
         except (ValueError, KeyError, TypeError) as error:
             raise UserError(
-                f"{path} line {number}: expected a picture's camera and pose, {error!r}"
+                f"{path} line {line_number}: expected a picture's camera and pose, {error!r}"
             ) from error
     return eyes
 
 
+def _kinds(state: str, layout: str) -> tuple[str, ...]:
+    known = {} if layout == "rendered" else _MARKED_KINDS
+    return known.get(state, (state,) if state else ())
+
+
 def _marked(row: Mapping[str, str], where: str, shift_px: float) -> Marked:
-    left, right = _number(row, "left_px", where), _number(row, "right_px", where)
+    left, right = number(row, "left_px", where), number(row, "right_px", where)
     if left is None or right is None or left >= right:
         raise UserError(
             f"{where}: an open row needs left_px below right_px, "
             f"got '{row['left_px']}' and '{row['right_px']}'"
         )
-    confidence = _number(row, "confidence", where)
+    confidence = number(row, "confidence", where)
     return Marked(
         left - shift_px,
         right - shift_px,
-        clear=_flag(row, "clear", where),
+        clear=flag(row, "clear", where),
         confidence=3 if confidence is None else int(confidence),
-        second=bool(_flag(row, "second", where)),
-        range_m=_number(row, "range_m", where),
+        second=bool(flag(row, "second", where)),
+        range_m=number(row, "range_m", where),
     )
 
 
@@ -253,7 +285,7 @@ def _read_boxes(path: Path) -> tuple[list[Sample], bool]:
     table = path / "boxes.csv"
     sides = ("left", "top", "right", "bottom")
     by_image: dict[str, list[tuple[str, dict[str, str]]]] = {}
-    for where, row in _csv_rows(table, ("image", "state", *sides)):
+    for where, row in csv_rows(table, ("image", "state", *sides)):
         if row["state"] not in BOX_STATES:
             raise UserError(
                 f"{where}: expected a state of open, semi, closed, got '{row['state']}'"
@@ -266,7 +298,7 @@ def _read_boxes(path: Path) -> tuple[list[Sample], bool]:
         state = next(s for s in BOX_STATES if s in states)
         openings = []
         for where, row in rows:
-            left, right = _number(row, "left", where), _number(row, "right", where)
+            left, right = number(row, "left", where), number(row, "right", where)
             if left is None or right is None or not 0 <= left < right <= 1:
                 raise UserError(
                     f"{where}: expected fractions 0 <= left < right <= 1, "
@@ -317,51 +349,6 @@ def _read_folders(path: Path) -> tuple[list[Sample], bool]:
                 )
             )
     return samples, known
-
-
-def _csv_rows(path: Path, columns: tuple[str, ...] | list[str]) -> list[tuple[str, dict[str, str]]]:
-    """("file line N", row) pairs. Raises UserError on a file without these columns."""
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.DictReader(file, strict=True)
-            missing = [c for c in columns if c not in (reader.fieldnames or [])]
-            if missing:
-                raise UserError(
-                    f"{path} lacks the column {missing[0]}; expected {', '.join(columns)}"
-                )
-            rows = []
-            for row in reader:
-                where = f"{path} line {reader.line_num}"
-                if None in row or None in row.values():
-                    raise UserError(f"{where}: expected {len(reader.fieldnames or [])} fields")
-                if not row["image"]:
-                    raise UserError(f"{where}: names no picture")
-                rows.append((where, {k: v.strip() for k, v in row.items()}))
-    except OSError as error:
-        raise UserError(f"cannot read {path}: {error.strerror}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise UserError(f"{path} is no CSV file in UTF-8: {error}") from error
-    return rows
-
-
-def _number(row: Mapping[str, str], column: str, where: str) -> float | None:
-    text = row.get(column, "")
-    if not text:
-        return None
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise UserError(f"{where}: expected a number for {column}, got '{text}'")
-    return value
-
-
-def _flag(row: Mapping[str, str], column: str, where: str) -> bool | None:
-    text = row.get(column, "")
-    if text not in ("", "0", "1"):
-        raise UserError(f"{where}: expected 0, 1 or nothing for {column}, got '{text}'")
-    return None if text == "" else text == "1"
 
 
 def _existing(path: Path, name: str, where: str) -> Path:
