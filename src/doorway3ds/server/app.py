@@ -8,17 +8,17 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Any, cast
 
-from fastapi import FastAPI, Request, Response
+from fastapi import APIRouter, FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 
 from doorway3ds import __version__
 from doorway3ds.errors import UserError
-from doorway3ds.server import routes
+from doorway3ds.server import front, routes
 from doorway3ds.server.body import invalid
 from doorway3ds.server.choice import Pipelines
 from doorway3ds.server.errors import ApiError
-from doorway3ds.server.hall import Hall, hall_of
+from doorway3ds.server.hall import Entrance, Hall, entrance_of
 from doorway3ds.server.settings import Settings
 from doorway3ds.server.shield import Shield
 from doorway3ds.server.work import ClientGone
@@ -41,21 +41,27 @@ def create_app(
 
     Raises UserError where the network cannot be opened.
     """
-    hall = Hall(settings, source, pipelines)
+    return assemble(
+        Hall(settings, source, pipelines),
+        routes.router,
+        title="doorway3ds",
+        summary="Open doorways, their direction and the way to them, from one picture.",
+    )
+
+
+def assemble(entrance: Entrance, router: APIRouter, *, title: str, summary: str) -> Shield:
+    """An application of these routes and of those that every server has, behind the shield."""
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        if hall.live is not None:
-            hall.live.start()
+        entrance.begin()
         yield
-        hall.end()
-        if hall.live is not None:
-            await asyncio.to_thread(hall.live.stop)
-        await asyncio.to_thread(hall.work.close)
+        entrance.end()
+        await asyncio.to_thread(entrance.close)
 
     app = FastAPI(
-        title="doorway3ds",
-        summary="Open doorways, their direction and the way to them, from one picture.",
+        title=title,
+        summary=summary,
         version=__version__,
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
         lifespan=lifespan,
@@ -63,13 +69,14 @@ def create_app(
         redoc_url=None,
         redirect_slashes=False,
     )
-    app.state.hall = hall
-    app.include_router(routes.router)
+    app.state.entrance = entrance
+    app.include_router(router)
+    app.include_router(front.router)
     _answer_errors(app)
-    if settings.token is not None:
+    if entrance.settings.token is not None:
         _ask_for_token(app)
-    paths = [getattr(route, "path", "") for route in routes.router.routes]
-    return Shield(app, hall, frozenset([*paths, "/openapi.json"]))
+    paths = [getattr(route, "path", "") for r in (router, front.router) for route in r.routes]
+    return Shield(app, entrance, frozenset([*paths, "/openapi.json"]))
 
 
 def _ask_for_token(app: FastAPI) -> None:
@@ -95,7 +102,7 @@ def _answer_errors(app: FastAPI) -> None:
 
     async def api(request: Request, error: Exception) -> Response:
         known = cast(ApiError, error)
-        hall_of(request).metrics.count("doorway3ds_refused_total", code=known.code)
+        entrance_of(request).metrics.count("doorway3ds_refused_total", code=known.code)
         return Response(known.body(), known.status, known.headers, "application/json")
 
     async def user(request: Request, error: Exception) -> Response:

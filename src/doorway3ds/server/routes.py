@@ -1,4 +1,4 @@
-"""The routes of the page and the API."""
+"""The routes of the live page and the API."""
 
 from __future__ import annotations
 
@@ -18,14 +18,13 @@ from doorway3ds.camera import PRESETS
 from doorway3ds.draw import annotate
 from doorway3ds.images import read_image
 from doorway3ds.pipeline import NEEDS
-from doorway3ds.server import metrics as counting
 from doorway3ds.server import schemas
 from doorway3ds.server.body import Upload, read_upload
 from doorway3ds.server.choice import DecideFields, Fields, viewpoint
 from doorway3ds.server.errors import ApiError, busy
+from doorway3ds.server.front import json_answer
 from doorway3ds.server.hall import Hall, hall_of
 from doorway3ds.server.live import Live, Snapshot, encode_jpeg
-from doorway3ds.server.shield import COOKIE, carries_token, same
 from doorway3ds.server.view import view_of
 from doorway3ds.types import Decision, Frame
 
@@ -33,10 +32,6 @@ router = APIRouter()
 SharedHall = Annotated[Hall, Depends(hall_of)]
 _ALWAYS = (401, 403)
 _BEAT_S = 10.0  # between signs of life on a stream without news
-
-
-def _json(value: Any, status: int = 200) -> Response:
-    return Response(json.dumps(value, allow_nan=False), status, media_type="application/json")
 
 
 @router.post(
@@ -55,7 +50,7 @@ async def decide(
     answer = {"image": upload.name, **decision.to_dict()}
     if upload.fields.view:
         answer["view"] = await asyncio.to_thread(view_of, decision)
-    return _json(answer)
+    return json_answer(answer)
 
 
 @router.post(
@@ -228,7 +223,7 @@ async def frame_jpg(
 async def newest_decision(hall: SharedHall) -> Response:
     """For programs that ask when they need to know; those that follow use /v1/stream."""
     live = _live(hall)
-    return _json({"image": live.name, **_snapshot(live, None).to_dict()})
+    return json_answer({"image": live.name, **_snapshot(live, None).to_dict()})
 
 
 @router.put(
@@ -242,7 +237,7 @@ async def change_source(hall: SharedHall, fields: Annotated[Fields, Body()]) -> 
     sees the change."""
     live = _live(hall)
     await asyncio.to_thread(live.use, fields)
-    return _json(_source(live))
+    return json_answer(_source(live))
 
 
 def _source(live: Live) -> dict[str, Any]:
@@ -264,7 +259,7 @@ def _source(live: Live) -> dict[str, Any]:
 )
 async def info(hall: SharedHall) -> Response:
     settings, limits = hall.settings, hall.settings.limits
-    return _json(
+    return json_answer(
         {
             "version": __version__,
             "method": settings.method,
@@ -288,81 +283,3 @@ async def info(hall: SharedHall) -> Response:
             "link": settings.link,
         }
     )
-
-
-@router.get("/v1/link.svg", response_class=Response, include_in_schema=False)
-async def link_svg(hall: SharedHall) -> Response:
-    """The link for other devices as a QR code."""
-    from doorway3ds.server.links import qr_svg
-
-    if hall.settings.link is None:
-        raise ApiError(404, "no_link", "only this machine reaches this server")
-    return Response(qr_svg(hall.settings.link), media_type="image/svg+xml")
-
-
-@router.get("/healthz", response_model=schemas.HealthAnswer, responses=schemas.errors(403))
-async def healthz(hall: SharedHall) -> Response:
-    """Needs no token."""
-    state = hall.live.state if hall.live else None
-    well = state in (None, "starting", "running", "ended")
-    return _json(
-        {
-            "status": "ok" if well else "degraded",
-            "version": __version__,
-            "in_flight": hall.work.in_flight,
-            "source": state,
-        }
-    )
-
-
-@router.get(
-    "/metrics",
-    response_class=Response,
-    responses={
-        **schemas.errors(*_ALWAYS),
-        200: {"content": {"text/plain": {"schema": {"type": "string"}}}},
-    },
-)
-async def metrics(hall: SharedHall) -> Response:
-    """Prometheus' text format."""
-    return Response(hall.metrics.text(), headers={"Content-Type": counting.CONTENT_TYPE})
-
-
-@router.get("/", include_in_schema=False)
-async def page(request: Request, hall: SharedHall, token: str | None = None) -> Response:
-    """The page, or the form that asks for the token; the link's token becomes a cookie."""
-    expected = hall.settings.token
-    if token is not None and expected is not None and same(token, expected):
-        answer = Response(status_code=303, headers={"Location": "/"})
-        answer.set_cookie(
-            COOKIE,
-            expected,
-            httponly=True,
-            samesite="lax",
-            secure=request.url.scheme == "https",
-        )
-        return answer
-    if carries_token(dict(request.headers), expected):
-        return _asset(request, hall, "index.html")
-    login = hall.pages["login.html"]
-    return Response(login.data, 401, media_type=login.kind)
-
-
-@router.get("/static/{name}", include_in_schema=False)
-async def static(request: Request, hall: SharedHall, name: str) -> Response:
-    return _asset(request, hall, name)
-
-
-@router.get("/favicon.ico", include_in_schema=False)
-async def favicon(request: Request, hall: SharedHall) -> Response:
-    return _asset(request, hall, "favicon.svg")
-
-
-def _asset(request: Request, hall: Hall, name: str) -> Response:
-    asset = hall.pages.get(name)
-    if asset is None:
-        raise ApiError(404, "not_found", "there is no such file")
-    headers = {"ETag": asset.etag, "Cache-Control": "no-cache"}
-    if request.headers.get("if-none-match") == asset.etag:
-        return Response(status_code=304, headers=headers)
-    return Response(asset.data, media_type=asset.kind, headers=headers)

@@ -11,7 +11,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from doorway3ds.server.errors import ApiError
-from doorway3ds.server.hall import Hall
+from doorway3ds.server.hall import Entrance
 from doorway3ds.server.settings import LOOPBACK_NAMES, Limits
 
 Scope = MutableMapping[str, Any]
@@ -56,7 +56,7 @@ class Shield:
     routes: paths that are counted by their own name.
     """
 
-    def __init__(self, app: App, hall: Hall, routes: frozenset[str]) -> None:
+    def __init__(self, app: App, hall: Entrance, routes: frozenset[str]) -> None:
         self.hall = hall
         self._app = app
         self._token = hall.settings.token
