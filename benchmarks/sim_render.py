@@ -27,9 +27,10 @@ import cv2
 import numpy as np
 
 from doorway3ds.sim import dataset, homes, sensor, views
+from doorway3ds.sim.plan import Plan
 from doorway3ds.sim.render import Renderer, open_context
 from doorway3ds.sim.scene import build
-from doorway3ds.sim.truth import Plan, truth_of
+from doorway3ds.sim.truth import truth_of
 
 SIZE = (320, 240)
 

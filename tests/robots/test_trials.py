@@ -88,6 +88,20 @@ def test_a_scene_is_the_same_each_time_and_shows_what_it_says(studio: Any) -> No
 
 
 @pytest.mark.sim
+def test_a_robot_that_stands_still_sees_the_same_scene_with_other_noise(studio: Any) -> None:
+    from doorway3ds.sim.world import World, stage_of
+
+    world = World(studio, stage_of(studio, "doorway", 5))
+    one, two = world.shot(320, 240), world.shot(320, 240)
+    assert two.depth is one.depth
+    assert 0 < abs(one.rgb.astype(int) - two.rgb).mean() < 20
+    world.body.begin(0.0, 0.0, 0.2)
+    world.body.clock.sleep(1.5)
+    world.body.stop()
+    assert world.shot(320, 240).depth is not one.depth
+
+
+@pytest.mark.sim
 def test_with_true_perception_the_robot_ends_facing_the_doorway(studio: Any) -> None:
     from doorway3ds.sim.trial import play
     from doorway3ds.sim.world import stage_of

@@ -54,9 +54,9 @@ def gl() -> Iterator[Any]:
 def shoot(gl: Any) -> Callable[..., Any]:
     """Draws a furnished home: (furnished, camera, eye) -> Shot with an ideal sensor."""
     from doorway3ds.sim.dataset import take
+    from doorway3ds.sim.plan import Plan
     from doorway3ds.sim.render import Renderer
     from doorway3ds.sim.scene import build
-    from doorway3ds.sim.truth import Plan
 
     def call(furnished: Furnished, camera: Camera, eye: Eye) -> Any:
         scene = build(furnished.home, furnished=furnished)

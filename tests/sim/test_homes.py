@@ -10,8 +10,8 @@ import pytest
 from doorway3ds.sim import clutter, homes
 from doorway3ds.sim.furnish import footprint, furnish, overlap
 from doorway3ds.sim.inventory import ROOMS
+from doorway3ds.sim.plan import Plan
 from doorway3ds.sim.shell import leaf_of
-from doorway3ds.sim.truth import Plan
 from tests.sim.conftest import doorway, two_rooms
 
 SEEDS = range(0, 60, 3)

@@ -15,6 +15,7 @@ from doorway3ds.opening import select_opening
 from doorway3ds.sim.clutter import carton, person
 from doorway3ds.sim.furnish import Mirror, Placed
 from doorway3ds.sim.furniture import Item, wardrobe
+from doorway3ds.sim.homes import Portal
 from doorway3ds.sim.mesh import box
 from doorway3ds.sim.perceive import perceive
 from doorway3ds.types import Reason
@@ -157,6 +158,23 @@ def test_the_way_is_free_by_the_footprint(
     home = two_rooms(doorway())
     shot = shoot(bare(home, standing=(placed,)), camera(), level(1.0, 2.5, 0.0, pitch_deg=-8))
     assert shot.truth.openings[0].clear is clear
+
+
+@pytest.mark.parametrize(("x", "y", "clear"), [(1.0, 2.0, True), (3.4, 0.7, False)])
+def test_a_jamb_in_the_straight_way_blocks(shoot: Shoot, x: float, y: float, clear: bool) -> None:
+    heading = float(np.degrees(np.arctan2(2.5 - y, 4.0 - x)))
+    shot = shoot(bare(two_rooms(doorway())), camera(), level(x, y, heading, pitch_deg=-8))
+    # From (3.4, 0.7) the near jamb's corner (3.94, 2.05) lies 0.09 m beside the way.
+    assert shot.truth.openings[0].clear is clear
+
+
+def test_a_leaf_in_the_room_beyond_hides_nothing(shoot: Shoot) -> None:
+    beyond = Portal(0, 8.0, 2.5, 0.9, 0.0, 2.05, (1, -1), "half", angle_deg=50.0, swing=-1)
+    eye = level(1.5, 2.5, 0.0)
+    (alone,) = shoot(bare(two_rooms(doorway())), camera(), eye).truth.openings
+    (both,) = shoot(bare(two_rooms(doorway(), beyond)), camera(), eye).truth.openings
+    assert both.seen == alone.seen
+    assert (both.left_px, both.right_px) == (alone.left_px, alone.right_px)
 
 
 def test_what_is_below_the_picture_is_unknown(shoot: Shoot) -> None:

@@ -7,7 +7,7 @@ import json
 import multiprocessing
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from doorway3ds.camera import Camera
 from doorway3ds.sim import homes, sensor, views
+from doorway3ds.sim.plan import Plan
 from doorway3ds.sim.render import Eye, Renderer, open_context
 from doorway3ds.sim.scene import Scene, build
-from doorway3ds.sim.truth import Plan, Truth, truth_of
+from doorway3ds.sim.truth import Truth, truth_of
 
 VIEWS = 10  # pictures of one home
 OPEN_SHARE = 0.56
@@ -58,8 +59,12 @@ def take(
     """Photograph a scene; without `rng` the sensor is ideal (no noise, automatic exposure)."""
     pinhole = sensor.pinhole_for(camera, renderer.limit)
     rgb, depth = sensor.distort(camera, pinhole, *renderer.draw(pinhole, eye))
-    truth = truth_of(plan, camera, eye, depth)
-    return Shot(sensor.expose(rng, rgb) if rng is not None else rgb, depth, camera, eye, truth)
+    return exposed(Shot(rgb, depth, camera, eye, truth_of(plan, camera, eye, depth)), rng)
+
+
+def exposed(ideal: Shot, rng: np.random.Generator | None) -> Shot:
+    """An ideal sensor's picture as a real one takes it."""
+    return ideal if rng is None else replace(ideal, rgb=sensor.expose(rng, ideal.rgb))
 
 
 def good(shot: Shot) -> bool:

@@ -17,8 +17,9 @@ from doorway3ds.errors import CallError, UserError
 from doorway3ds.sim import furnish, homes
 from doorway3ds.sim.furnish import Furnished, Placed
 from doorway3ds.sim.homes import Home, Portal, Room
+from doorway3ds.sim.plan import Plan
 from doorway3ds.sim.render import Eye
-from doorway3ds.sim.truth import Footprint, OpeningTruth, Plan, Truth
+from doorway3ds.sim.truth import Footprint, OpeningTruth, Truth
 
 Rng = np.random.Generator
 Point = NDArray[np.float64]
@@ -42,6 +43,7 @@ ENDS = {"no_door": "no_door", "distractor": "no_door", "blocked": "blocked", "lo
 """How a run should end; the others end aligned with the doorway."""
 
 LOW_M = 0.4
+MARGIN_M = 0.06  # beside the footprint, so that no scene hangs on a hair
 ROOM_M = 0.08  # beside the footprint, between the jambs as they are seen
 TRIES = 2000
 
@@ -78,13 +80,14 @@ def find(scene: str, seed: int, camera: Camera, pose_of: Callable[[float, float]
     if scene == "tilted":
         head = (float(np.radians(rng.uniform(-15, 15))), float(np.radians(rng.uniform(-12, 12))))
     pose = pose_of(*head)
-    for home, eye in _candidates(scene, rng, camera, pose):
-        if _is(scene, truths(home, eye), camera):
+    for home, eye, plan in _candidates(scene, rng, camera, pose):
+        if _is(scene, truths(home, eye), plan, eye):
             return Stage(scene, seed, home, eye, head)
     raise UserError(f"no home among {TRIES} shows the scene {scene} for seed {seed}; try another")
 
 
-def _candidates(scene: str, rng: Rng, camera: Camera, pose: Pose) -> Iterator[tuple[Home, Eye]]:
+def _candidates(scene: str, rng: Rng, camera: Camera, pose: Pose
+                ) -> Iterator[tuple[Home, Eye, Plan]]:  # fmt: skip
     half = camera.hfov_deg / 2
     for _ in range(TRIES):
         home = homes.generate(int(rng.integers(1 << 30)))
@@ -96,9 +99,9 @@ def _candidates(scene: str, rng: Rng, camera: Camera, pose: Pose) -> Iterator[tu
                 continue
             room = home.rooms[inside[int(rng.integers(len(inside)))]]
             changed, target = _changed(scene, home, room, portal)
-            eye = _stand(scene, rng, changed, room, target, pose, half)
-            if eye is not None:
-                yield changed, eye
+            stand = _stand(scene, rng, changed, room, target, pose, half)
+            if stand is not None:
+                yield changed, *stand
                 break
 
 
@@ -137,7 +140,7 @@ def _changed(scene: str, home: Home, room: Room, portal: Portal) -> tuple[Home, 
 
 
 def _stand(scene: str, rng: Rng, home: Home, room: Room, portal: Portal, pose: Pose, half: float
-           ) -> Eye | None:  # fmt: skip
+           ) -> tuple[Eye, Plan] | None:  # fmt: skip
     """A place and heading from which the scene should be seen, by the plan alone.
 
     What costs nothing is asked first: furnishing a home takes longer than all the rest.
@@ -172,9 +175,9 @@ def _stand(scene: str, rng: Rng, home: Home, room: Room, portal: Portal, pose: P
             continue
         if not _way_suits(scene, plan, at, aim):
             continue
-        if second is not None and not plan.free(at, second, Footprint().width_m + 0.06):
+        if second is not None and not plan.free(at, second, Footprint().width_m + MARGIN_M):
             continue
-        return Eye(float(at[0]), float(at[1]), (heading - pose.yaw_deg) % 360, pose)
+        return Eye(float(at[0]), float(at[1]), (heading - pose.yaw_deg) % 360, pose), plan
     return None
 
 
@@ -183,8 +186,8 @@ def _way_suits(scene: str, plan: Plan, at: Point, aim: Point) -> bool:
     if scene in ("no_door", "distractor"):
         return True
     if ENDS.get(scene) is None:
-        return plan.free(at, aim, width + 0.06)
-    if plan.free(at, aim, width - 0.04):
+        return plan.free(at, aim, width + MARGIN_M)
+    if plan.free(at, aim, width - 0.04, walls=False):
         return False
     if scene == "blocked":
         return True
@@ -216,7 +219,7 @@ def _another(home: Home, room: Room, portal: Portal, at: Point, heading: float, 
     return None
 
 
-def _is(scene: str, truth: Truth, camera: Camera) -> bool:
+def _is(scene: str, truth: Truth, plan: Plan, eye: Eye) -> bool:
     """Whether one exact picture shows the scene."""
     seen = truth.openings
     if scene == "no_door":
@@ -228,19 +231,23 @@ def _is(scene: str, truth: Truth, camera: Camera) -> bool:
     if scene in ("blocked", "low_box"):
         return len(seen) == 1 and _plain(seen[0]) and seen[0].clear is False
     if scene == "two_doors":
-        return len(seen) >= 2 and all(_plain(o) and _passable(o) for o in seen[:2])
+        return len(seen) >= 2 and all(_plain(o) and _passable(o, plan, eye) for o in seen[:2])
     if scene == "cut":
         is_cut = seen[0].cut in ("left", "right") and seen[0].clear is not False
         return len(seen) == 1 and is_cut and _wide(seen[0])
-    return len(seen) == 1 and _plain(seen[0]) and _passable(seen[0])
+    return len(seen) == 1 and _plain(seen[0]) and _passable(seen[0], plan, eye)
 
 
-def _passable(opening: OpeningTruth) -> bool:
-    return opening.clear is True and _wide(opening)
+def _passable(opening: OpeningTruth, plan: Plan, eye: Eye) -> bool:
+    """Whether the way to the middle of what is seen is free, and not by a hair."""
+    angle = np.radians(eye.heading_deg + opening.bearing_deg)
+    at = np.array([eye.x, eye.y])
+    aim = at + opening.range_m * np.array([np.cos(angle), np.sin(angle)])
+    return opening.clear is True and plan.free(at, aim, Footprint().width_m + MARGIN_M)
 
 
 def _wide(opening: OpeningTruth) -> bool:
-    """Whether the robot passes between the jambs straight ahead; the plan's walls are not asked."""
+    """Whether the robot passes between the jambs straight ahead."""
     left, right = opening.jambs_deg
     width = 2 * opening.range_m * np.tan(np.radians(max(left - right, 0.0) / 2))
     return bool(width >= Footprint().width_m + ROOM_M)

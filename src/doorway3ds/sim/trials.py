@@ -7,6 +7,7 @@ import multiprocessing
 import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, fields
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from doorway3ds.errors import UserError
 from doorway3ds.evaluate.intervals import Interval, paired_difference, wilson
+from doorway3ds.networks.base import Network
 from doorway3ds.sim.scenarios import SCENES
 from doorway3ds.sim.trial import Episode, Method, play
 
@@ -47,13 +49,16 @@ def play_job(job: Job) -> list[Episode]:
 
     if _studio is None:
         _studio = Studio((320, 240), plain=job.network is None)
-    network = None
-    if job.network is not None:
-        from doorway3ds.networks import load
-
-        network = load(job.network, threads=1)
+    network = None if job.network is None else _load(job.network)
     stage = stage_of(_studio, job.scene, job.seed)
     return [play(_studio, stage, method, network) for method in job.methods]
+
+
+@cache
+def _load(name: str) -> Network:
+    from doorway3ds.networks import load
+
+    return load(name, threads=1)
 
 
 def run_trials(

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera import Camera, grid_rays, pixel_to_ray, rotation
 from doorway3ds.sim.furnish import Furnished
 from doorway3ds.sim.homes import Portal
+from doorway3ds.sim.plan import LOW_M, Plan
 from doorway3ds.sim.render import Eye
 from doorway3ds.sim.shell import Leaf, leaf_of
 
 Float = NDArray[np.float64]
-CELL_M = 0.02
 FLOOR_M = 0.012  # rugs and thresholds are floor
-LOW_M = 0.04
 # Less than this is a glimpse that nobody would call a seen doorway.
 LEAST_WIDTH = 0.025  # of the picture's width
 LEAST_AREA = 0.004  # of the picture
@@ -74,70 +71,6 @@ class Truth:
     states: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Plan:
-    """Occupied ground of a furnished home, from the meshes that stand in it."""
-
-    furnished: Furnished
-    height_m: float = 1.3
-
-    @cached_property
-    def origin(self) -> Float:
-        return np.array(
-            [
-                min(r.x0 for r in self.furnished.home.rooms) - 0.5,
-                min(r.y0 for r in self.furnished.home.rooms) - 0.5,
-            ]
-        )
-
-    @cached_property
-    def occupied(self) -> NDArray[np.uint8]:
-        """(rows, columns) of CELL_M: 1 where something stands between LOW_M and height_m."""
-        home = self.furnished.home
-        far = np.array([max(r.x1 for r in home.rooms), max(r.y1 for r in home.rooms)]) + 0.5
-        columns, rows = np.ceil((far - self.origin) / CELL_M).astype(int)
-        grid = np.zeros((rows, columns), np.uint8)
-        for p in (*self.furnished.standing, *self.furnished.hung):
-            for _, mesh in p.item.parts:
-                placed = mesh.moved((p.x, p.y, p.z), p.yaw_deg)
-                z = placed.vertices[:, 2]
-                # The whole part: the walls of a wardrobe alone would leave its inside free.
-                if z.max() <= LOW_M or z.min() >= self.height_m:
-                    continue
-                flat = placed.vertices[placed.faces][:, :, :2]
-                cells = np.round(((flat - self.origin) / CELL_M - 0.5) * 16).astype(np.int32)
-                for triangle in cells:
-                    cv2.fillConvexPoly(grid, triangle, 1, shift=4)
-        for portal in home.portals:
-            leaf = leaf_of(home, portal)
-            if leaf is not None:
-                run = np.array(leaf.direction) * leaf.length / 2
-                side = np.array([-leaf.direction[1], leaf.direction[0]]) * 0.02
-                middle = np.array([leaf.x, leaf.y])
-                box = np.stack(
-                    [middle + a * run + b * side for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
-                )
-                cells = np.round(((box - self.origin) / CELL_M - 0.5) * 16).astype(np.int32)
-                cv2.fillConvexPoly(grid, cells, 1, shift=4)
-        return grid
-
-    def free(self, start: Float, stop: Float, width: float) -> bool:
-        """Whether a straight strip of that width is free from start to stop."""
-        mask = np.zeros_like(self.occupied)
-        run = stop - start
-        side = np.array([-run[1], run[0]]) / max(float(np.hypot(*run)), 1e-9) * width / 2
-        strip = np.stack([start + side, stop + side, stop - side, start - side])
-        cells = np.round(((strip - self.origin) / CELL_M - 0.5) * 16).astype(np.int32)
-        cv2.fillConvexPoly(mask, cells, 1, shift=4)
-        return not bool((mask & self.occupied).any())
-
-    def free_at(self, x: float, y: float, radius: float) -> bool:
-        column, row = ((np.array([x, y]) - self.origin) / CELL_M).astype(int)
-        r = int(radius / CELL_M)
-        patch = self.occupied[max(row - r, 0) : row + r + 1, max(column - r, 0) : column + r + 1]
-        return not bool(patch.any())
-
-
 def _wall_frame(portal: Portal, vectors: Float, origin: bool) -> Float:
     """Plan vectors (or points) as (along, across, up) of a portal's wall."""
     along, across = (1, 0) if portal.axis == 0 else (0, 1)
@@ -147,12 +80,12 @@ def _wall_frame(portal: Portal, vectors: Float, origin: bool) -> Float:
     return out
 
 
-def _hidden_by_leaf(leaf: Leaf, lens: Float, rays: Float, depth: Float) -> NDArray[np.bool_]:
-    """Pixels whose ray meets the leaf before what it hits (glazed leaves too)."""
+def _hidden_by_leaf(leaf: Leaf, lens: Float, rays: Float, reach: Float) -> NDArray[np.bool_]:
+    """Pixels whose ray meets the leaf within its reach (glazed leaves too)."""
     d = np.array([leaf.direction[0], leaf.direction[1], 0.0])
     n = np.array([-d[1], d[0], 0.0])
     offset = np.array([leaf.x, leaf.y, 0.0]) - lens
-    hidden = np.zeros(depth.shape, bool)
+    hidden = np.zeros(reach.shape, bool)
     with np.errstate(divide="ignore", invalid="ignore"):
         for face in (-0.02, 0.0, 0.02):
             at = (offset @ n + face) / (rays @ n)
@@ -160,7 +93,7 @@ def _hidden_by_leaf(leaf: Leaf, lens: Float, rays: Float, depth: Float) -> NDArr
             high = lens[2] + at * rays[..., 2]
             hidden |= (
                 (at > 0)
-                & (at <= depth + 0.03)
+                & (at <= reach)
                 & (np.abs(along) <= leaf.length / 2)
                 & (high <= leaf.height)
             )
@@ -229,10 +162,13 @@ def _through(
             inside &= (up > portal.sill) & (up < portal.height)
     seen = inside & (view.depth > past - 0.01)
     for other in furnished.home.portals:
-        # Any leaf in the way hides what is behind it, a neighbour's as well.
+        # A neighbour's leaf hides the opening as well, but not from behind it.
         leaf = leaf_of(home, other)
         if leaf is not None and set(other.rooms) & set(portal.rooms):
-            seen &= ~_hidden_by_leaf(leaf, view.lens, view.rays, view.depth)
+            reach = view.depth + 0.03
+            if other is not portal:
+                reach = np.minimum(reach, past)
+            seen &= ~_hidden_by_leaf(leaf, view.lens, view.rays, reach)
     return inside, seen
 
 

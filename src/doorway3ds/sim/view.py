@@ -11,9 +11,9 @@ import numpy as np
 from doorway3ds.camera import Camera
 from doorway3ds.sim import homes
 from doorway3ds.sim.dataset import Shot, largest, take, texels_a_metre, truth_object, write_depth
+from doorway3ds.sim.plan import Plan
 from doorway3ds.sim.render import Eye, Renderer, open_context
 from doorway3ds.sim.scene import build
-from doorway3ds.sim.truth import Plan
 
 
 def photograph(home: int, camera: Camera, eye: Eye, noise: int | None = 0) -> Shot:

@@ -6,8 +6,8 @@ import numpy as np
 
 from doorway3ds.camera import Camera, Pose
 from doorway3ds.sim.homes import Room
+from doorway3ds.sim.plan import Plan
 from doorway3ds.sim.render import Eye
-from doorway3ds.sim.truth import Plan
 
 Rng = np.random.Generator
 

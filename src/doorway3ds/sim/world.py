@@ -16,14 +16,16 @@ from doorway3ds.camera import Camera, Pose
 from doorway3ds.robots.base import RobotPose, TurnEnd, TurnResult
 from doorway3ds.robots.naoformat import FRAME_ROBOT, pose_of
 from doorway3ds.sim.body import MODELS, Body, Clock, Gait
-from doorway3ds.sim.dataset import Shot, largest, take, texels_a_metre
+from doorway3ds.sim.dataset import Shot, exposed, largest, take, texels_a_metre
 from doorway3ds.sim.homes import Home
+from doorway3ds.sim.plan import Plan
 from doorway3ds.sim.render import Eye, Renderer, open_context
 from doorway3ds.sim.scenarios import Stage, find
 from doorway3ds.sim.scene import build
-from doorway3ds.sim.truth import Plan, Truth, truth_of
+from doorway3ds.sim.truth import Truth, truth_of
 
 T = TypeVar("T")
+VIEWS_KEPT = 8
 
 
 class Studio:
@@ -31,6 +33,8 @@ class Studio:
     any other.
 
     size: of the largest picture. plain: coarse textures and no shadows, where only depth counts.
+    The last views of a home are kept: a robot that stands still sees the same again, and drawing
+    is most of an episode's work.
     """
 
     def __init__(self, size: tuple[int, int] = (640, 480), plain: bool = False) -> None:
@@ -39,6 +43,7 @@ class Studio:
         self._renderer: Renderer | None = None
         self._plan: Plan | None = None
         self._home: Home | None = None
+        self._kept: dict[Any, Any] = {}
         try:
             self._context: Any = self._do(open_context)
         except BaseException:
@@ -50,9 +55,9 @@ class Studio:
 
         def draw() -> Shot:
             renderer, plan = self._enter(home)
-            return take(renderer, plan, camera, eye, rng)
+            return take(renderer, plan, camera, eye, None)
 
-        return self._do(draw)
+        return exposed(self._do(lambda: self._once(home, ("shot", camera, eye), draw)), rng)
 
     def truth(self, home: Home, camera: Camera, eye: Eye) -> tuple[NDArray[np.float32], Truth]:
         """Depth and truth alone, in half the time."""
@@ -62,7 +67,7 @@ class Studio:
             depth = renderer.draw(camera, eye, shadows=False)[1]
             return depth, truth_of(plan, camera, eye, depth)
 
-        return self._do(draw)
+        return self._do(lambda: self._once(home, ("truth", camera, eye), draw))
 
     def close(self) -> None:
         if self._context is None:
@@ -91,6 +96,18 @@ class Studio:
 
     def _do(self, work: Callable[[], T]) -> T:
         return self._thread.submit(work).result()
+
+    def _once(self, home: Home, view: Any, draw: Callable[[], T]) -> T:
+        """What `draw` gives, or gave for the same view of the same home."""
+        if self._home != home:
+            self._kept.clear()
+        if view not in self._kept:
+            fresh = draw()
+            while len(self._kept) >= VIEWS_KEPT:
+                del self._kept[next(iter(self._kept))]
+            self._kept[view] = fresh
+        found: T = self._kept[view]
+        return found
 
     def _enter(self, home: Home) -> tuple[Renderer, Plan]:
         if self._renderer is None or self._plan is None or self._home != home:
