@@ -69,6 +69,7 @@ def test_confidence_leaves_pictures_and_further_openings_out(nyu):
         ("0002.jpg,2,300,400,1,3,0", "line 2: expected 0, 1 or nothing for open, got '2'"),
         ("0002.jpg,,300,400,1,3,0", "line 2: expected open 0 or 1"),
         ("0002.jpg,1,300,400,yes,3,0", "expected 0, 1 or nothing for clear, got 'yes'"),
+        ("0002.jpg,1,300,400,1,4,0", "expected a confidence of 1, 2 or 3, got '4'"),
         ("0002.jpg,1,300,400", "line 2: expected 7 fields"),
         ("0002.jpg,1,300,400,1,3,0,9,9", "line 2: expected 7 fields"),
         ("0002.jpg,1,nan,400,1,3,0", "expected a number for left_px, got 'nan'"),

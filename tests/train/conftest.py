@@ -16,26 +16,34 @@ _STAGES = ((4, 1, 1), (4, 2, 2), (8, 3, 2), (8, 4, 2), (8, 3, 1), (8, 3, 2), (8,
 
 
 def _save_convolutions(path: Path, kernels: list[tuple[int, int, int, int]]) -> None:
-    """An ONNX file with convolutions of these (out, in, size, groups), all on the input."""
+    """An ONNX file with convolutions of these (out, in, size, groups).
+
+    The first sees the input and gives, made positive, the output; the others see nothing.
+    """
     rng = np.random.default_rng(3)
     nodes, weights = [], []
     for index, (out, inside, size, groups) in enumerate(kernels):
         kernel = rng.normal(0, (2 / (inside * size**2)) ** 0.5, (out, inside // groups, size, size))
         weights.append(onnx.numpy_helper.from_array(kernel.astype(np.float32), f"w{index}"))
         weights.append(onnx.numpy_helper.from_array(np.full(out, 0.1, np.float32), f"b{index}"))
+        seen = "x"
+        if index:
+            seen = f"zeros{index}"
+            zeros = np.zeros((1, inside, size, size), np.float32)
+            constant = onnx.numpy_helper.from_array(zeros, seen)
+            nodes.append(onnx.helper.make_node("Constant", [], [seen], value=constant))
         nodes.append(
             onnx.helper.make_node(
-                "Conv", ["x", f"w{index}", f"b{index}"], [f"y{index}"], group=groups
+                "Conv", [seen, f"w{index}", f"b{index}"], [f"y{index}"], group=groups
             )
         )
+    nodes.append(onnx.helper.make_node("Abs", ["y0"], ["y"]))
+    picture = onnx.helper.make_tensor_value_info("x", 1, [1, 3, None, None])
     graph = onnx.helper.make_graph(
-        nodes,
-        "few",
-        [onnx.helper.make_tensor_value_info("x", 1, None)],
-        [onnx.helper.make_tensor_value_info("y0", 1, None)],
-        weights,
+        nodes, "few", [picture], [onnx.helper.make_tensor_value_info("y", 1, None)], weights
     )
-    onnx.save(onnx.helper.make_model(graph), str(path))
+    opset = onnx.helper.make_opsetid("", 17)
+    onnx.save(onnx.helper.make_model(graph, opset_imports=[opset], ir_version=8), str(path))
 
 
 @pytest.fixture(scope="session")

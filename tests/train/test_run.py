@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ pytest.importorskip("torch")
 os.environ["KERAS_BACKEND"] = "torch"  # before Keras is first imported
 pytest.importorskip("keras")
 
+from doorway3ds.camera import Camera, write_camera_info
 from doorway3ds.cli.main import run
 from doorway3ds.errors import UserError
 from doorway3ds.networks.doornet import DoorNet
@@ -39,6 +42,32 @@ def recipe(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.fixture
+def marked(tmp_path: Path) -> Path:
+    """Eight photographs of two sizes marked by hand, of four rooms; a camera file, no depth."""
+    folder = tmp_path / "site"
+    rng = np.random.default_rng(8)
+    rows = ["image,open,left_px,right_px,clear,confidence,second,state,place"]
+    for index in range(8):
+        width, height = ((160, 120), (320, 240))[index % 2]
+        name = f"room{index // 2}/{index}.png"
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        image = rng.integers(40, 60, (height, width, 3), dtype=np.uint8)
+        image[:, width // 2 : width * 3 // 4] = 220
+        cv2.imwrite(str(folder / name), image)
+        span = f"{width / 2 - 0.5},{width * 3 / 4 - 0.5}"
+        rows.append(
+            (
+                f"{name},1,{span},1,3,0,open,room{index // 2}",
+                f"{name},0,,,,2,0,closed,room{index // 2}",
+                f"{name},1,{span},,1,0,half,room{index // 2}",
+            )[index % 3]
+        )
+    (folder / "doorways.csv").write_text("\n".join(rows) + "\n")
+    write_camera_info(Camera("lens", 640, 480, 600, 610, 320, 240), folder / "camera.yaml")
+    return folder
+
+
 def train(rendered: Path, teachers: Path, recipe: Path, out: Path, *more: str) -> int:
     arguments = ["train", "doornet", str(rendered), "--teachers", str(teachers)]
     arguments += ["--recipe", str(recipe), "--out", str(out), *more]
@@ -46,13 +75,14 @@ def train(rendered: Path, teachers: Path, recipe: Path, out: Path, *more: str) -
 
 
 def test_train_export_and_look(
-    rendered: Path, teachers: Path, recipe: Path, tmp_path: Path
+    rendered: Path, marked: Path, teachers: Path, recipe: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "run"
-    assert train(rendered, teachers, recipe, out, "--hold-out", "1/3") == 0
+    more = (str(marked), "--hold-out", "1/3")
+    assert train(rendered, teachers, recipe, out, *more) == 0
     card = json.loads((out / "doornet.json").read_text())
-    assert card["pictures"] == {"rendered": 8}
-    assert len(card["held_out_places"]) == 2
+    assert card["pictures"] == {"marked": 4, "rendered": 8}
+    assert card["held_out_places"] == ["home-0", "home-3", "site-room0", "site-room3"]
     # float16 storage rounds weights; nothing else may differ
     assert card["parity"] < 0.02
     network = DoorNet(out / "doornet.onnx")
@@ -65,9 +95,34 @@ def test_train_export_and_look(
     # resumed: the first stage is loaded, the second is missing and trained again
     first = (out / "stage-0.weights.h5").read_bytes()
     (out / "stage-1.weights.h5").unlink()
-    assert train(rendered, teachers, recipe, out, "--hold-out", "1/3", "--resume") == 0
+    assert train(rendered, teachers, recipe, out, *more, "--resume") == 0
     assert (out / "stage-0.weights.h5").read_bytes() == first
     assert (out / "stage-1.weights.h5").is_file()
+
+
+def test_photographs_marked_by_hand_are_samples_without_depth(marked: Path) -> None:
+    from doorway3ds.train.samples import read_marked
+
+    samples = read_marked(marked, longer=200)
+    assert [s.open for s in samples] == [1, 0, None, 1, 0, None, 1, 0]
+    assert [s.weight for s in samples[:3]] == [1.0, 0.8, 0.4]
+    assert [s.place for s in samples[:3]] == ["site-room0", "site-room0", "site-room1"]
+    assert all(s.depth_m is None and s.segments is None for s in samples)
+    whole, _, _, halved = samples[:4]
+    assert (whole.image.shape, halved.image.shape) == ((120, 160, 3), (150, 200, 3))
+    assert (whole.spans[0].left, whole.spans[0].right) == (79.5, 119.5)
+    assert (halved.spans[0].left, halved.spans[0].right) == (99.5, 149.5)
+    # the camera file is for 640x480: a quarter of it, by pixel centres
+    assert whole.camera == pytest.approx((150, 152.5, 320.5 / 4 - 0.5, 240.5 / 4 - 0.5))
+
+
+def test_places_that_nobody_told_are_those_that_look_alike(marked: Path) -> None:
+    from doorway3ds.train.samples import read_marked
+
+    table = marked / "doorways.csv"
+    table.write_text(re.sub(",room[0-9]$", ",", table.read_text(), flags=re.MULTILINE))
+    # noise about one bright bar: all look alike
+    assert len({s.place for s in read_marked(marked)}) == 1
 
 
 def test_encoders_run_alike_in_keras_and_in_onnx_runtime(teachers: Path) -> None:

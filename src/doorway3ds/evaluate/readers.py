@@ -142,14 +142,13 @@ def _read_doorways(path: Path, layout: str) -> tuple[list[Sample], bool]:
         is_open = flag(main, "open", where)
         if is_open is None:
             raise UserError(f"{where}: expected open 0 or 1, got nothing")
-        confidence = number(main, "confidence", where)
         sample = Sample(
             name=name,
             place=place,
             image_path=_existing(path, name, where),
             is_open=is_open,
             kinds=() if is_open else _kinds(main.get("state", ""), layout),
-            confidence=3 if confidence is None else int(confidence),
+            confidence=_confidence(main, where),
         )
         sample = _with_files(sample, path, layout, main, where)
         if name in eyes:
@@ -270,15 +269,21 @@ def _marked(row: Mapping[str, str], where: str, shift_px: float) -> Marked:
             f"{where}: an open row needs left_px below right_px, "
             f"got '{row['left_px']}' and '{row['right_px']}'"
         )
-    confidence = number(row, "confidence", where)
     return Marked(
         left - shift_px,
         right - shift_px,
         clear=flag(row, "clear", where),
-        confidence=3 if confidence is None else int(confidence),
+        confidence=_confidence(row, where),
         second=bool(flag(row, "second", where)),
         range_m=number(row, "range_m", where),
     )
+
+
+def _confidence(row: Mapping[str, str], where: str) -> int:
+    text = row.get("confidence") or "3"
+    if text not in ("1", "2", "3"):
+        raise UserError(f"{where}: expected a confidence of 1, 2 or 3, got '{text}'")
+    return int(text)
 
 
 def _read_boxes(path: Path) -> tuple[list[Sample], bool]:

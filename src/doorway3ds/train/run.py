@@ -14,6 +14,7 @@ import numpy as np
 
 from doorway3ds.errors import UserError
 from doorway3ds.evaluate.datasets import place_folds
+from doorway3ds.evaluate.readers import guess_layout
 from doorway3ds.files import write_bytes
 from doorway3ds.networks.session import digest
 from doorway3ds.train.augment import view
@@ -26,9 +27,9 @@ from doorway3ds.train.samples import (
     Sample,
     cluster_places,
     read_doors,
+    read_marked,
     read_nyu,
     read_rendered,
-    read_rows,
 )
 from doorway3ds.train.teachers import add_depth, add_segments, describe
 
@@ -36,6 +37,8 @@ from doorway3ds.train.teachers import add_depth, add_segments, describe
 _SHOWN = ("name", "date", "depth_error", "held_out", "pictures", "thresholds")
 # FastDepth's relative error on rooms that it has not seen; those of NYU's training split it has
 _FASTDEPTH_ERROR = 0.16
+# readers of folders with doorways.csv, by layout
+_READERS = {"nyu": read_nyu, "rendered": read_rendered, "plain": read_marked}
 
 
 @dataclass(frozen=True)
@@ -77,9 +80,7 @@ def read_all(folders: Sequence[Path], teachers: Teachers, recipe: Recipe) -> lis
                 for sample, place in zip(found, places, strict=True)
             ]
         elif (folder / "doorways.csv").is_file():
-            rows = read_rows(folder / "doorways.csv")
-            rendered = any("fx_px" in row for group in rows.values() for row in group[:1])
-            found = read_rendered(folder) if rendered else read_nyu(folder)
+            found = _READERS[guess_layout(folder)](folder)
         else:
             raise UserError(
                 f"{folder} is no data set: expected doorways.csv or boxes.csv beside images/"

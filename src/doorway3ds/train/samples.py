@@ -6,7 +6,7 @@ Readers keep everything at a modest size in memory, so that an epoch never waits
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.errors import UserError
+from doorway3ds.evaluate.datasets import load_frame
+from doorway3ds.evaluate.readers import read_dataset
+from doorway3ds.train import groups
 
 # Labels 0..5 of SEGMENTS (other, wall, floor, door, window, ceiling); 255 = unknown
 UNKNOWN = 255
@@ -227,6 +230,52 @@ def read_rendered(folder: Path) -> list[Sample]:
             )
         )
     return samples
+
+
+def read_marked(folder: Path, longer: int = 352) -> list[Sample]:
+    """Photographs of any size and camera marked by hand, as `3ds label` writes them: no depth.
+
+    longer: side of the stored pictures at most. Pictures whose place is not told share one where
+    a perceptual hash finds them nearly the same. Raises UserError where a picture cannot be read
+    or is not of the folder's camera.
+    """
+    dataset = read_dataset(folder, "plain")
+    samples, hashes = [], []
+    for marked in dataset.samples:
+        frame = load_frame(marked)
+        height, width = frame.image.shape[:2]
+        scale = min(1.0, longer / max(width, height))
+        size = (max(1, round(width * scale)), max(1, round(height * scale)))
+        camera = frame.camera.stretched_to(*size)
+        across = size[0] / width
+        spans = tuple(
+            Span(
+                _scaled_column(opening.left_px, across),
+                _scaled_column(opening.right_px, across),
+                clear=None if opening.clear is None else int(opening.clear),
+            )
+            for opening in marked.openings
+        )
+        hashes.append(groups.perceptual_hash(frame.image))
+        samples.append(
+            Sample(
+                name=marked.name,
+                source="marked",
+                place="",
+                image=cv2.resize(frame.image, size, interpolation=cv2.INTER_AREA),
+                camera=(camera.fx, camera.fy, camera.cx, camera.cy),
+                open=None if marked.is_open is None else int(marked.is_open),
+                spans=spans,
+                weight=_CONFIDENCE[marked.confidence],
+            )
+        )
+    places, _ = groups.name_groups(
+        dataset.samples,
+        groups.near_pairs(np.array(hashes, bool)),
+        places_known=dataset.places_known,
+    )
+    named = zip(samples, places, strict=True)
+    return [replace(sample, place=f"{folder.resolve().name}-{place}") for sample, place in named]
 
 
 def cluster_places(descriptors: NDArray[np.float32], threshold: float) -> NDArray[np.int64]:
