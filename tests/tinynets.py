@@ -143,3 +143,39 @@ def densedepth(path: Path, *, channels_last: bool = True, gain: float = 10.0) ->
         helper.make_node("Mul", ["small", "gain"], ["depth"]),
     ]
     return _save(path, shape, nodes, {"depth": [1, 1, 240, 320]}, constants)
+
+
+def depth_file(
+    path: Path,
+    *,
+    input_name: str = "pixel_values",
+    outputs: tuple[str, ...] = ("predicted_depth",),
+    shape: tuple[Any, ...] = ("batch_size", "num_channels", "height", "width"),
+    channel: int = 0,
+    gain: float = 1.0,
+    offset: float = 0.0,
+    axes: int = 3,
+) -> Path:
+    """One channel of the prepared input times `gain` plus `offset`, at the input's size.
+
+    The defaults are the signature that Depth Anything V2 has on the hub, every size left open.
+    axes: of the outputs. A shape with 3 in its last place takes channels last.
+    """
+    axis = 3 if shape[3] == 3 else 1
+    constants = {
+        "axis": np.array([axis], np.int64),
+        "from": np.array([channel], np.int64),
+        "to": np.array([channel + 1], np.int64),
+        "gain": np.array(gain, np.float32),
+        "offset": np.array(offset, np.float32),
+    }
+    nodes = [
+        helper.make_node("Slice", [input_name, "from", "to", "axis"], ["one"]),
+        helper.make_node("Squeeze", ["one", "axis"], ["map"])
+        if axes == 3
+        else helper.make_node("Identity", ["one"], ["map"]),
+        helper.make_node("Mul", ["map", "gain"], ["scaled"]),
+        *(helper.make_node("Add", ["scaled", "offset"], [name]) for name in outputs),
+    ]
+    sizes = {name: [None] * axes for name in outputs}
+    return _save(path, list(shape), nodes, sizes, constants, input_name=input_name)

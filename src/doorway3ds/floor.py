@@ -100,7 +100,9 @@ def build_scene(
     depth = perception.depth_m[rows[0] :: step, columns[0] :: step].astype(np.float64)
     depth = np.where(np.isfinite(depth) & (depth > 0), depth, np.nan)
     rays = grid_rays(frame.camera.stretched_to(width, height), step)
-    floor = _sample(perception.floor, rows, columns, (height, width), params)
+    floor = None
+    if perception.floor is not None:
+        floor = floor_mask(perception.floor, rows, columns, (height, width), params)
 
     pose_turn = rotation(frame.pose)
     plane = _find_plane(rays, depth, floor, pose_turn, frame.pose, perception.depth_error, params)
@@ -131,16 +133,17 @@ def build_scene(
     )
 
 
-def _sample(
-    floor: NDArray[np.float32] | None,
+def floor_mask(
+    floor: NDArray[np.float32],
     rows: NDArray[np.intp],
     columns: NDArray[np.intp],
     size: tuple[int, int],
     params: FloorParams,
-) -> Mask | None:
-    """The floor mask at the depth grid's pixels, by the nearest pixel of its own size."""
-    if floor is None:
-        return None
+) -> Mask:
+    """The floor mask at the depth grid's pixels, by the nearest pixel of its own size.
+
+    rows, columns: of a depth map of `size` (h, w), as `camera.grid_pixels` gives them.
+    """
     r = np.minimum((rows + 0.5) * floor.shape[0] / size[0], floor.shape[0] - 1).astype(np.intp)
     c = np.minimum((columns + 0.5) * floor.shape[1] / size[1], floor.shape[1] - 1).astype(np.intp)
     return floor[np.ix_(r, c)] >= params.floor_probability

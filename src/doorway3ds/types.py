@@ -84,6 +84,18 @@ class ColumnVotes:
 
 
 @dataclass(frozen=True)
+class RelativeDepth:
+    """What a network says of depth up to a scale, or a scale and a shift (relative.py).
+
+    inverse: (h, w) float32, 1 / depth = gain * inverse + shift; nan = unknown.
+    shifted: the shift is unknown, too; else it is 0.
+    """
+
+    inverse: NDArray[np.float32]
+    shifted: bool
+
+
+@dataclass(frozen=True)
 class Perception:
     """What the networks see, before any geometry.
 
@@ -93,6 +105,7 @@ class Perception:
         size; nan = unknown. None where the network gives none.
     floor: (h, w) float32 probability of floor, covering the whole picture, or None.
     depth_error: relative standard deviation of depth_m; 0 for true depth.
+    relative: instead of depth_m where the network knows no metres; `relative.in_metres` does.
     """
 
     p_open: float
@@ -100,6 +113,7 @@ class Perception:
     depth_m: NDArray[np.float32] | None = None
     floor: NDArray[np.float32] | None = None
     depth_error: float = 0.0
+    relative: RelativeDepth | None = None
     network: str = "truth"
     timings_ms: Mapping[str, float] = field(default_factory=dict)
 

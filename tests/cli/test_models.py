@@ -15,7 +15,9 @@ def rows(cli: Cli) -> dict[str, dict[str, object]]:
 
 
 def test_lists_every_network_with_how_to_get_it(cli: Cli) -> None:
-    assert list(rows(cli)) == ["doornet", "cnn-srin", "densedepth"]
+    names = ["doornet", "cnn-srin", "densedepth"]
+    names += ["depth-anything-v2-metric-indoor-small", "depth-anything-v2-small"]
+    assert list(rows(cli)) == names
     assert rows(cli)["cnn-srin"]["state"] == "missing"
     text = cli("models").out
     assert "3ds train cnn-srin DATASET" in text

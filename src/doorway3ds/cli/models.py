@@ -88,18 +88,20 @@ def _row(name: str) -> dict[str, Any]:
         "sha256": None,
         "make": model.make,
     }
-    if not model.path.is_file():
+    found = model.found()
+    if found is None:
         return row
+    row["file"] = str(found)
     try:
-        card = read_card(model.path)
-        row["sha256"] = digest(model.path)
+        card = read_card(found)
+        row["sha256"] = digest(found)
     except (UserError, OSError) as error:
         return row | {"state": f"unreadable: {error}"}
     expected = card.sha256 or model.sha256
     row["state"] = "here" if expected in (None, row["sha256"]) else "damaged"
-    row["size_mb"] = round(model.path.stat().st_size / 1e6, 1)
+    row["size_mb"] = round(found.stat().st_size / 1e6, 1)
     row["licence"] = card.licence or model.licence
-    row["source"] = card.source
+    row["source"] = card.source or (str(model.hub) if model.hub and found != model.path else None)
     return row
 
 

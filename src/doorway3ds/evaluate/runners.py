@@ -36,6 +36,7 @@ from doorway3ds.networks.base import thresholds_of
 from doorway3ds.opening import OpeningParams, select_opening
 from doorway3ds.paper import select_paper
 from doorway3ds.params import override
+from doorway3ds.relative import in_metres
 from doorway3ds.types import Decision, Frame, Perception, Selection
 
 # `networks.Network`, or any function of a picture and its camera
@@ -163,7 +164,8 @@ def methods_on(
         if truth_depth or network is None:
             if depth_m is None:
                 raise UserError("true depth is asked for and a picture has none")
-            seen = replace(seen, depth_m=depth_m, depth_error=0.0)
+            seen = replace(seen, depth_m=depth_m, depth_error=0.0, relative=None)
+        seen = in_metres(seen, frame)
         if open_gate:
             seen = replace(seen, p_open=1.0)
         return {
@@ -328,20 +330,18 @@ def predicted_depth(
 ) -> Iterator[tuple[bool, NDArray[np.float32]]]:
     """(False, map) and, with `mirror`, (True, average of both mirrorings)."""
 
-    def depth_of(image: NDArray[np.uint8], camera: Camera) -> NDArray[np.float32]:
-        depth_m = network(image, camera).depth_m
+    def depth_of(frame: Frame) -> NDArray[np.float32]:
+        depth_m = in_metres(network(frame.image, frame.camera), frame).depth_m
         if depth_m is None:
             raise UserError(f"network '{name}' gives no depth")
         return depth_m
 
-    plain = depth_of(frame.image, frame.camera)
+    plain = depth_of(frame)
     yield False, plain
     if mirror:
-        flipped = np.ascontiguousarray(frame.image[:, ::-1])
-        yield (
-            True,
-            depth_scores.average_with_mirrored(plain, depth_of(flipped, frame.camera.mirrored())),
-        )
+        image = np.ascontiguousarray(frame.image[:, ::-1])
+        flipped = Frame(image, frame.camera.mirrored(), frame.pose.mirrored())
+        yield True, depth_scores.average_with_mirrored(plain, depth_of(flipped))
 
 
 def _truth(sample: Sample) -> PictureTruth:

@@ -12,13 +12,14 @@ from doorway3ds.camera import Camera
 from doorway3ds.types import Perception
 
 P_OPEN, COLUMNS, DEPTH, FLOOR = "p_open", "columns", "depth", "floor"
+RELATIVE = "relative"  # depth without metres; with a floor and a lens height it becomes depth
 
 
 class Network(Protocol):
     """Anything that perceives.
 
     name: as `--network` and the answer call it.
-    gives: which of "p_open", "columns", "depth", "floor" it fills in.
+    gives: which of "p_open", "columns", "depth", "floor", "relative" it fills in.
     """
 
     @property
@@ -36,6 +37,8 @@ class Joined:
     """Networks that look at the same picture; what a later one gives replaces an earlier's.
 
     `cnn-srin+densedepth` is the paper's pair; `doornet+densedepth` is doornet with another depth.
+    Relative depth is a depth, too: it replaces an earlier one's, and joined with a floor it
+    counts as depth, since `relative.in_metres` makes it that.
     """
 
     def __init__(self, networks: Sequence[Network]) -> None:
@@ -43,7 +46,7 @@ class Joined:
             raise ValueError("expected at least one network, got none")
         self.networks = tuple(networks)
         self.name = "+".join(network.name for network in self.networks)
-        self.gives = frozenset[str]().union(*(network.gives for network in self.networks))
+        self.gives = together([network.gives for network in self.networks])
         self.thresholds = next(
             (thresholds_of(n) for n in reversed(self.networks) if COLUMNS in n.gives), {}
         )
@@ -58,16 +61,28 @@ class Joined:
         def last(field: str) -> Perception | None:
             return next((p for network, p in reversed(seen) if field in network.gives), None)
 
-        judge, columns, depth, floor = (last(f) for f in (P_OPEN, COLUMNS, DEPTH, FLOOR))
+        judge, columns, floor = (last(f) for f in (P_OPEN, COLUMNS, FLOOR))
+        depth = next((p for net, p in reversed(seen) if net.gives & {DEPTH, RELATIVE}), None)
         return Perception(
             p_open=judge.p_open if judge else float("nan"),
             columns=columns.columns if columns else None,
             depth_m=depth.depth_m if depth else None,
             floor=floor.floor if floor else None,
             depth_error=depth.depth_error if depth else 0.0,
+            relative=depth.relative if depth else None,
             network=self.name,
             timings_ms=timings,
         )
+
+
+def together(parts: Sequence[frozenset[str]]) -> frozenset[str]:
+    """What networks with these `gives` give when they are joined in this order."""
+    gives = frozenset[str]().union(*parts)
+    depths = [part & {DEPTH, RELATIVE} for part in parts]
+    last = next((found for found in reversed(depths) if found), frozenset())
+    if RELATIVE in last and FLOOR in gives:
+        last = frozenset({DEPTH})
+    return gives - {DEPTH, RELATIVE} | last
 
 
 def thresholds_of(network: Network) -> Mapping[str, Any]:

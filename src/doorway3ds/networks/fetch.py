@@ -7,7 +7,9 @@ import tempfile
 from pathlib import Path
 
 from doorway3ds.errors import CallError, UserError
-from doorway3ds.networks.registry import find, install
+from doorway3ds.networks import hub
+from doorway3ds.networks.registry import find, install, load
+from doorway3ds.networks.session import digest
 
 TIMEOUT_S = 30
 
@@ -17,13 +19,17 @@ def fetch(
 ) -> Path:
     """Downloads the file of network `name`, checks its SHA-256 and signature, and installs it.
 
-    url, sha256: default: the registry's own, where it has them.
+    url, sha256: default: the registry's own, where it has them. A file of the hub stays in the
+    hub's cache.
 
     Raises CallError where there is nothing to fetch or no checksum to hold it to; UserError
     where the address does not answer, or what came is not what was asked for.
     """
     model = find(name)
-    url, sha256 = url or model.url, sha256 or model.sha256
+    if url is None and model.hub is not None:
+        return _from_hub(name, model.hub, sha256 or model.sha256)
+    sha256 = sha256 or (model.sha256 if url in (None, model.url) else None)
+    url = url or model.url
     if url is None:
         raise CallError(f"network {name} has no published address; to get it: {model.make}")
     if sha256 is None:
@@ -36,6 +42,17 @@ def fetch(
     with tempfile.TemporaryDirectory() as folder:
         file = _download(url, sha256, Path(folder))
         return install(name, file, source=url, licence=licence, sha256=sha256)
+
+
+def _from_hub(name: str, file: hub.HubFile, sha256: str | None) -> Path:
+    """Fetches what the cache does not hold, or not whole."""
+    path = hub.download(file)
+    if sha256 is not None and digest(path) != sha256:
+        path = hub.download(file, again=True)
+        if digest(path) != sha256:
+            raise UserError(f"the hub gave a {file} whose SHA-256 is not {sha256[:12]}...")
+    load(name, threads=1)
+    return path
 
 
 def _download(url: str, sha256: str, folder: Path) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 from collections.abc import Iterable, Mapping
@@ -11,11 +12,15 @@ from typing import Any, Protocol
 
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.files import write_bytes
-from doorway3ds.networks.base import Joined, Network
-from doorway3ds.networks.session import digest
+from doorway3ds.networks import hub, presets
+from doorway3ds.networks.base import DEPTH, FLOOR, RELATIVE, Joined, Network
+from doorway3ds.networks.depthfile import DepthFile
+from doorway3ds.networks.depthspec import parse
+from doorway3ds.networks.session import digest, signature
 
 WEIGHTS = Path(__file__).resolve().parent.parent / "weights"
 FOLDER_VARIABLE = "DOORWAY3DS_MODELS"
+CARDS = (".json", ".yaml", ".yml")
 
 
 @dataclass(frozen=True)
@@ -24,7 +29,7 @@ class Model:
 
     gives: in words. contract: what its ONNX file takes, in words.
     make: the command that makes or fetches the file.
-    url, sha256: where `3ds models fetch` finds it without being told, if anywhere.
+    hub or url, sha256: where `3ds models fetch` finds it without being told, if anywhere.
     licence: of the published weights; a card beside the file says it of the file itself.
     """
 
@@ -35,23 +40,32 @@ class Model:
     make: str
     licence: str
     packaged: bool = False
+    hub: hub.HubFile | None = None
     url: str | None = None
     sha256: str | None = None
 
     @property
     def path(self) -> Path:
+        """Where the file lies once it is fetched or imported, or in the package."""
         folder = WEIGHTS if self.packaged else models_folder()
         return folder / f"{self.name}.onnx"
+
+    def found(self) -> Path | None:
+        """Where the file lies, in the hub's cache if not at `path`; None where it is missing."""
+        if self.path.is_file():
+            return self.path
+        return None if self.hub is None else hub.cached(self.hub)
 
 
 @dataclass(frozen=True)
 class Card:
-    """What is known of one file: JSON beside it, NAME.json for NAME.onnx."""
+    """What is known of one file, beside it: NAME.json or NAME.yaml for NAME.onnx."""
 
     sha256: str | None = None
     licence: str | None = None
     source: str | None = None
     more: Mapping[str, Any] = field(default_factory=dict)
+    file: Path | None = None
 
 
 _FILE_OPTIONS = (
@@ -87,6 +101,32 @@ MODELS: Mapping[str, Model] = {
             make="`3ds train densedepth DATASET`, " + _FILE_OPTIONS.format("densedepth"),
             licence="of its training pictures",
         ),
+        Model(
+            name=presets.METRIC,
+            about="Depth Anything V2, small, fine-tuned for metres indoors (Hypersim)",
+            gives=(DEPTH,),
+            contract="RGB, ImageNet mean and deviation, 1x3xHxW, H and W multiples of 14",
+            make=f"`3ds models fetch {presets.METRIC}`",
+            licence="Apache-2.0",
+            # The hub holds this model as PyTorch weights only; this is the usual ONNX export.
+            url="https://github.com/fabio-sim/Depth-Anything-ONNX/releases/download/v2.0.0/"
+            "depth_anything_v2_vits_indoor_dynamic.onnx",
+            sha256="2e25a3f332b34d885a1b3059cab471f7916a36099325810821b2d6e0471f74ad",
+        ),
+        Model(
+            name=presets.RELATIVE,
+            about="Depth Anything V2, small, without metres: needs a floor and the lens height",
+            gives=(RELATIVE,),
+            contract="RGB, ImageNet mean and deviation, 1x3xHxW, H and W multiples of 14",
+            make=f"`3ds models fetch {presets.RELATIVE}` ({hub.INSTALL})",
+            licence="Apache-2.0",
+            hub=hub.HubFile(
+                "onnx-community/depth-anything-v2-small",
+                "onnx/model.onnx",
+                "4472b7362082ad9968fee890ca0f1e5aca36b93d",
+            ),
+            sha256="afb6a5c28f3b6bf1618c6e43f02073ef9dfdc70e937502d51603e57b0a1df10c",
+        ),
     )
 }
 
@@ -113,19 +153,27 @@ def find(name: str) -> Model:
 def read_card(path: Path) -> Card:
     """The card beside the ONNX file `path`; an empty one where there is none.
 
-    Raises UserError where the card is no JSON object.
+    Raises UserError where there are two, or the card is no mapping.
     """
-    card = path.with_suffix(".json")
-    try:
-        data: Any = json.loads(card.read_bytes())
-    except FileNotFoundError:
+    import yaml
+
+    cards = [card for end in CARDS if (card := path.with_suffix(end)).is_file()]
+    if not cards:
         return Card()
-    except (OSError, ValueError) as error:
-        raise UserError(f"model card {card} cannot be read: {error}; delete it") from error
+    if len(cards) > 1:
+        raise UserError(f"{path} has {' and '.join(c.name for c in cards)} beside it; keep one")
+    card = cards[0]
+    try:
+        text = card.read_text(encoding="utf-8")
+        data: Any = json.loads(text) if card.suffix == ".json" else yaml.safe_load(text)
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        why = " ".join(str(error).split())
+        raise UserError(f"model card {card} cannot be read: {why}; delete it") from error
     if not isinstance(data, dict):
-        raise UserError(f"model card {card} must be a JSON object, got {type(data).__name__}")
+        kind = "JSON object" if card.suffix == ".json" else "YAML mapping"
+        raise UserError(f"model card {card} must be a {kind}, got {type(data).__name__}")
     known = {key: data.pop(key, None) for key in ("sha256", "licence", "source")}
-    return Card(**known, more=data)
+    return Card(**known, more=data, file=card)
 
 
 def write_card(path: Path, card: Card) -> None:
@@ -170,7 +218,8 @@ def install(
 def load(name: str, *, threads: int | None = None, needs: Iterable[str] = ()) -> Network:
     """The network or networks of `NAME[+NAME]`; each NAME from the registry or an .onnx path.
 
-    needs: what the caller requires of them together ("p_open", "columns", "depth", "floor").
+    needs: what the caller requires of them together ("p_open", "columns", "depth", "floor");
+        relative depth is depth only with a floor.
 
     Raises CallError for an unknown name or where something needed is not given; UserError where
     a file is missing (saying how to get it), damaged or of another signature.
@@ -178,6 +227,11 @@ def load(name: str, *, threads: int | None = None, needs: Iterable[str] = ()) ->
     parts = [_load_one(part, threads) for part in name.split("+")]
     network = parts[0] if len(parts) == 1 else Joined(parts)
     lacking = [need for need in needs if need not in network.gives]
+    if lacking == [DEPTH] and RELATIVE in network.gives:
+        raise CallError(
+            f"network {name} gives depth without metres, which are needed here; join one that "
+            f"gives {FLOOR}, as in doornet+{presets.RELATIVE}, and say the lens height"
+        )
     if lacking:
         raise CallError(
             f"network {name} gives {', '.join(sorted(network.gives))} but {', '.join(lacking)} "
@@ -191,43 +245,50 @@ def _load_one(name: str, threads: int | None) -> Network:
         path = Path(name)
         if not path.is_file():
             raise UserError(f"no network file {path}; expected an existing .onnx file")
-        adapter, sha256 = _adapter(kind_of(path)), read_card(path).sha256
-        return adapter(path, name=name, sha256=sha256, threads=threads)
+        card = read_card(path)
+        if "depth" in card.more:
+            spec = parse(card.more["depth"], card.file or path)
+            return DepthFile(path, spec, name=name, sha256=card.sha256, threads=threads)
+        return _adapter(kind_of(path))(path, name=name, sha256=card.sha256, threads=threads)
     model = find(name)
-    if not model.path.is_file():
+    found = model.found()
+    if found is None:
         raise UserError(f"network {name} has no file {model.path}; to get it: {model.make}")
     # The card first: a user's own fetched file replaces what the registry knows.
-    sha256 = read_card(model.path).sha256 or model.sha256
-    return _adapter(name)(model.path, name=name, sha256=sha256, threads=threads)
+    sha256 = read_card(found).sha256 or model.sha256
+    return _adapter(name)(found, name=name, sha256=sha256, threads=threads)
 
 
 def kind_of(path: Path) -> str:
     """Which adapter an ONNX file is for, by the names of its outputs."""
-    from doorway3ds.networks.session import output_names
-
-    names = output_names(path)
-    for kind in MODELS:
-        adapter = _adapter(kind)
+    names = set(signature(path).outputs)
+    for kind in _SIGNED:
+        adapter: Any = _adapter(kind)
         if set(adapter.outputs) == names - set(getattr(adapter, "optional", ())):
             return kind
     raise UserError(
         f"network file {path} has another signature: expected outputs of one of "
-        f"{', '.join(MODELS)}, got {', '.join(sorted(names))}"
+        f"{', '.join(_SIGNED)}, or {path.stem}.yaml beside it that says what its depth is, "
+        f"got {', '.join(sorted(names))}"
     )
 
 
 class _Adapter(Protocol):
-    """What every adapter class is called with."""
-
-    outputs: tuple[str, ...]
+    """What makes a network of a file."""
 
     def __call__(
         self, path: Path, *, name: str, sha256: str | None, threads: int | None = None
     ) -> Network: ...
 
 
+# Networks whose file is known by its outputs alone.
+_SIGNED = ("doornet", "cnn-srin", "densedepth")
+
+
 def _adapter(name: str) -> _Adapter:
-    """The adapter class of a registered name."""
+    """The adapter of a registered name."""
+    if name in presets.PRESETS:
+        return functools.partial(DepthFile, spec=presets.PRESETS[name])
     if name == "doornet":
         from doorway3ds.networks.doornet import DoorNet
 

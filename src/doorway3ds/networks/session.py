@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +41,9 @@ class Session:
 
     path: the ONNX file.
     shapes: layouts allowed for the input "image"; a file may leave a fixed size open, too.
-    outputs: names that the file must give; optional: those that it may give; no others.
+    outputs: names that the file must give; optional: those that it may give; no others, but
+        where `spare` allows them: they are then not asked for.
+    input_name: what the file calls its input.
     sha256: refuse a file whose digest is another.
     threads: per operator; default `available_threads()`.
     providers: default `available_providers()`.
@@ -55,6 +58,8 @@ class Session:
         outputs: Sequence[str],
         optional: Sequence[str] = (),
         *,
+        input_name: str = "image",
+        spare: bool = False,
         sha256: str | None = None,
         threads: int | None = None,
         providers: Sequence[str] | None = None,
@@ -70,17 +75,22 @@ class Session:
         self._session = _open(self.path, threads, providers)
         self.outputs = tuple(outputs)
         self._optional = tuple(optional)
+        self._input, self._spare = input_name, spare
         self.layout = self._check(shapes)
         self.metadata: Mapping[str, str] = self._session.get_modelmeta().custom_metadata_map
 
     def _check(self, shapes: Sequence[Shape]) -> Shape:
         """The layout among `shapes` that the file has."""
-        expected = f'one float32 input "image" of shape {_or(shapes)} and {_names(self.outputs)}'
+        expected = (
+            f'one float32 input "{self._input}" of shape {_or(shapes)} and {_names(self.outputs)}'
+        )
         inputs = self._session.get_inputs()
         gives = {output.name: output.type for output in self._session.get_outputs()}
         self.outputs += tuple(name for name in self._optional if name in gives)
+        if self._spare:
+            gives = {name: kind for name, kind in gives.items() if name in self.outputs}
         if [(i.name, i.type) for i in inputs] == [
-            ("image", "tensor(float)")
+            (self._input, "tensor(float)")
         ] and gives == dict.fromkeys(self.outputs, "tensor(float)"):
             shape = tuple(n if isinstance(n, int) else None for n in inputs[0].shape)
             for layout in shapes:
@@ -98,7 +108,7 @@ class Session:
         Raises UserError where the network fails on it or gives values that are not finite.
         """
         try:
-            values = self._session.run(list(self.outputs), {"image": image})
+            values = self._session.run(list(self.outputs), {self._input: image})
         except Exception as error:
             raise UserError(f"network file {self.path} failed: {_brief(error)}") from error
         for name, value in zip(self.outputs, values, strict=True):
@@ -132,15 +142,36 @@ def digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def output_names(path: Path) -> set[str]:
-    """Names of the outputs of any ONNX file; UserError where it is damaged."""
-    return {output.name for output in _open(path, 1, ["CPUExecutionProvider"]).get_outputs()}
+@dataclass(frozen=True)
+class Signature:
+    """What an ONNX file says of itself: its inputs' shapes (None: left open), its outputs."""
+
+    inputs: Mapping[str, Shape]
+    outputs: tuple[str, ...]
 
 
-def _open(path: Path, threads: int | None, providers: Sequence[str] | None) -> Any:
+def signature(path: Path) -> Signature:
+    """Of any ONNX file; UserError where it is missing or damaged."""
+    if not path.is_file():
+        raise UserError(f"no network file {path}")
+    session = _open(path, 1, ["CPUExecutionProvider"], optimise=False)
+    return Signature(
+        {
+            i.name: tuple(n if isinstance(n, int) else None for n in i.shape)
+            for i in session.get_inputs()
+        },
+        tuple(output.name for output in session.get_outputs()),
+    )
+
+
+def _open(
+    path: Path, threads: int | None, providers: Sequence[str] | None, optimise: bool = True
+) -> Any:
     import onnxruntime as ort
 
     options = ort.SessionOptions()
+    if not optimise:
+        options.graph_optimization_level = ort.GraphOptimizationLevel.ORT_DISABLE_ALL
     options.intra_op_num_threads = threads or available_threads()
     options.inter_op_num_threads = 1
     options.use_deterministic_compute = True

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from doorway3ds.camera import PRESETS, Camera, Pose, default_camera, preset
 from doorway3ds.decision import Gates
-from doorway3ds.networks.base import Joined, Network
+from doorway3ds.networks.base import DEPTH, RELATIVE, Joined, Network, together
 from doorway3ds.networks.registry import MODELS, load
 from doorway3ds.opening import OpeningParams
 from doorway3ds.pipeline import NEEDS, Method, Pipeline
@@ -197,21 +197,23 @@ class Pipelines:
         """The methods that network `name` can be used with, by what the registry says of it."""
         parts = name.split("+")
         if not all(part in MODELS for part in parts):
-            gives = set(self._network(name).gives)
+            gives = self._network(name).gives
         else:
-            gives = set().union(*(MODELS[part].gives for part in parts))
+            gives = together([frozenset(MODELS[part].gives) for part in parts])
         return [method for method, needs in NEEDS.items() if gives.issuperset(needs)]
 
 
 def _available() -> Iterator[str]:
     """Networks, and pairs of them, whose files are there and that some method can use."""
-    there = [model for model in MODELS.values() if model.path.is_file()]
-    groups = [[model] for model in there]
-    groups += [[a, b] for a in there for b in there if a is not b]
+    there = {m.name: frozenset(m.gives) for m in MODELS.values() if m.found() is not None}
+    groups = [[name] for name in there]
+    groups += [[a, b] for a in there for b in there if a != b]
     for group in groups:
-        gives = set().union(*(model.gives for model in group))
-        # The second of a pair must replace something by its own, or the pair says nothing new.
+        parts = [there[name] for name in group]
+        gives = together(parts)
+        # The first of a pair must have something that the second does not replace.
+        kinds = [{DEPTH if kind == RELATIVE else kind for kind in part} for part in parts]
         if any(gives.issuperset(needs) for needs in NEEDS.values()) and (
-            len(group) == 1 or not set(group[1].gives).issuperset(group[0].gives)
+            len(group) == 1 or not kinds[1].issuperset(kinds[0])
         ):
-            yield "+".join(model.name for model in group)
+            yield "+".join(group)
