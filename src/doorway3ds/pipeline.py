@@ -19,7 +19,8 @@ from doorway3ds.networks.registry import load
 from doorway3ds.opening import OpeningParams, select_opening
 from doorway3ds.paper import select_paper
 from doorway3ds.params import override
-from doorway3ds.types import Decision, Frame
+from doorway3ds.relative import in_metres
+from doorway3ds.types import Decision, Frame, Perception
 
 Method = Literal["opening", "paper"]
 NEEDS: dict[Method, tuple[str, ...]] = {
@@ -106,7 +107,14 @@ class Pipeline:
 
     def decide(self, frame: Frame) -> Decision:
         """The decision for one frame, with what each stage took in milliseconds."""
-        perception = self.network(frame.image, frame.camera)
+        return self.conclude(frame, self.perceive(frame))
+
+    def perceive(self, frame: Frame) -> Perception:
+        """The first half of `decide`, the network's: most of the time, outside Python's lock."""
+        return in_metres(self.network(frame.image, frame.camera), frame)
+
+    def conclude(self, frame: Frame, perception: Perception) -> Decision:
+        """The second half: what follows from what the network saw in the frame."""
         start = time.perf_counter()
         if self.method == "opening":
             selection = select_opening(perception, frame, self.params)

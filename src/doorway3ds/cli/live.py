@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import sys
-import time
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -28,19 +27,25 @@ from doorway3ds.cli._options import (
     Threads,
     WidthM,
 )
-from doorway3ds.cli._pipeline import build_pipeline
+from doorway3ds.cli._robot import (
+    MOVE_HELP,
+    ROBOT_HELP,
+    logged,
+    pipeline_for,
+    require_robot,
+    robot_of,
+)
 from doorway3ds.cli._signals import ended_by_sigterm
+from doorway3ds.cli._watch import Watch, counts, print_json
+from doorway3ds.errors import CallError, UserError
 
 if TYPE_CHECKING:
     from doorway3ds.cli._camera import CameraChoice
-    from doorway3ds.cli._panel import Panel
+    from doorway3ds.loop import Report
     from doorway3ds.pipeline import Pipeline
+    from doorway3ds.robots.base import Driver, Robot
     from doorway3ds.runlog import RunLog
     from doorway3ds.sources import Source
-    from doorway3ds.tracker import Tracked
-
-_WAIT_S = 0.25
-_SAY_S = 1.0  # between lines without a panel, where the reason stays the same
 
 
 def live(
@@ -62,6 +67,10 @@ def live(
         Path | None,
         typer.Option(metavar="DIR", help="Every picture and decision, for `3ds replay`."),
     ] = None,
+    robot: Annotated[
+        str | None, typer.Option(metavar="ROBOT", help=f"Who turns: {ROBOT_HELP}")
+    ] = None,
+    move: Annotated[bool, typer.Option("--move", help=MOVE_HELP)] = False,
     method: Method = "opening",
     network: Network = "doornet",
     camera: Camera = None,
@@ -92,14 +101,20 @@ def live(
     """Decide on every frame, with memory between frames, until the source ends or Ctrl-C.
 
     In a terminal a panel shows the decision; elsewhere a line is printed when it changes.
+    With --robot it ends as `3ds run` does, by the robot's doing; the decisions are shown meanwhile.
     Exit status: 0 the source ended, 1 it was lost or held pictures that could not be read,
-    2 wrong call, 130 ended by Ctrl-C.
+    2 wrong call, 130 ended by Ctrl-C; with --robot that of `3ds run`.
     """
+    if robot is not None:
+        require_robot(robot)
+        if frames is not None:
+            raise CallError("--frames would stop a robot half-way; leave it out, or --robot")
+    elif move:
+        raise CallError("--move allows a robot to turn; name it by --robot")
     require_film(out)
     require_range("--fps", fps, 0.001, 1000)
     require_range("--patience-s", patience_s, 0, 1e6)
     choice = CameraOptions(camera, fov_deg, height_m, pitch_deg, roll_deg).resolve()
-    pipeline = build_pipeline(method, network, width_m, max_unseen_m, threads)
     panelled = not as_json and sys.stdout.isatty()
     if pace is None:
         pace = panelled and out is None and record is None
@@ -113,113 +128,115 @@ def live(
         stack.enter_context(ended_by_sigterm())
         given = {"pace": pace, "loop": loop, "fps": fps, "patience_s": patience_s}
         found = stack.enter_context(_open(source, choice, camera, fov_deg, given))
-        run = _Run(pipeline, found, as_json)
+        pipeline = pipeline_for(found, method, network, width_m, max_unseen_m, threads)
+        watch = Watch(pipeline, found, as_json, prefetch=not (found.live or pace))
         if out is not None:
             film = Film(out, found.fps)
             stack.callback(film.close)
-            run.film = film
-        if record is not None:
-            run.log = stack.enter_context(_recording(record, pipeline, found))
+            watch.film = film
+        if record is not None and robot is None:
+            watch.log = stack.enter_context(_recording(record, pipeline, found, watch))
+        driver = None if robot is None else stack.enter_context(_driver(robot, found, move))
         if panelled:
             from doorway3ds.cli._panel import Panel
 
-            title = f"{found.name} · {method} · {pipeline.network.name}"
-            run.panel = stack.enter_context(Panel(title, found))
-        found.notice = run.panel.say if run.panel else _complain
-        run.all(frames)
+            named = [found.name, method, pipeline.network.name]
+            named += [] if driver is None else [f"robot {driver.robot.name}"]
+            watch.panel = stack.enter_context(Panel(" · ".join(named), found))
+        found.notice = watch.panel.say if watch.panel else _complain
+        if driver is None:
+            watch.all(frames)
+        else:
+            tell = watch.panel.say if watch.panel else _tell
+            report, folder = _drive(watch, pipeline, found, driver, record, tell)
+    if driver is not None:
+        _conclude(report, folder, as_json)
     if found.damaged and not found.live:
         raise typer.Exit(1)
 
 
-class _Run:
-    """What is done with each frame."""
+@contextlib.contextmanager
+def _driver(name: str, source: Source, move: bool) -> Iterator[Driver]:
+    from doorway3ds.robots.base import Driver, Limits
 
-    panel: Panel | None = None
-    film: Film | None = None
-    log: RunLog | None = None
+    limits = Limits()
+    with robot_of(name, source, limits) as legs:
+        yield Driver(legs, move=move, limits=limits)
 
-    def __init__(self, pipeline: Pipeline, source: Source, as_json: bool) -> None:
-        from doorway3ds.tracker import Tracker
 
-        self._pipeline, self._source, self._as_json = pipeline, source, as_json
-        self._tracker = Tracker()
-        self._done = 0
-        self._lost = False
-        self._said: tuple[str, float] = ("", 0.0)
+def _drive(
+    watch: Watch,
+    pipeline: Pipeline,
+    source: Source,
+    driver: Driver,
+    folder: Path | None,
+    tell: Callable[[str], None],
+) -> tuple[Report, Path | None]:
+    """The closed loop of `3ds run`, fed by the watch, which goes on in a thread of its own.
 
-    def all(self, most: int | None) -> None:
-        """Until the source ends, or `most` frames are answered."""
-        from doorway3ds.types import Reason
+    Signals reach the main thread, and so the loop, which stops the robot before anything else.
+    """
+    from doorway3ds.loop import Loop
+    from doorway3ds.relay import Relay
+    from doorway3ds.sources import SourceLost
 
-        tracked = None
-        while not self._source.ended and (most is None or self._done < most):
-            frame = self._source.read(_WAIT_S)
-            if frame is not None:
-                self._lost = False
-                tracked = self._tracker.update(self._pipeline.decide(frame))
-                self._done += 1
-                self._answer(tracked)
-            elif self._source.live and not self._source.ended:
-                silent = self._tracker.without_picture(time.monotonic())
-                if silent is not None and silent.decision.reason is Reason.LOST:
-                    self._miss(silent)
-        if tracked is not None and self.panel is not None:
-            self.panel.show(tracked, last=True)
+    relay = Relay(pipeline.params, pipeline.gates)
+    watch.decided = relay.offer
+    if driver.move:
+        watch.heading = _heading(driver.robot)
+    failed: list[UserError] = []
 
-    def _answer(self, tracked: Tracked) -> None:
-        raw = tracked.raw
-        if self._as_json:
-            _print_json(self._line(tracked))
-        elif self.panel is not None:
-            self.panel.rate.tick()
-            self.panel.means.add(dict(raw.timings_ms))
-            self.panel.show(tracked)
-        else:
-            self._say(tracked)
-        if self.film is not None:
-            from doorway3ds.draw import overlay
+    def watching() -> None:
+        try:
+            watch.all()
+            relay.end()
+        except BaseException as error:
+            if isinstance(error, UserError) and not isinstance(error, SourceLost):
+                failed.append(error)
+            relay.end(error)
 
-            self.film.add(overlay(tracked.decision), raw.frame.stamp_s)
-        if self.log is not None:
-            self.log.look(self._done, raw, str(tracked.decision.reason))
-            self.log.write("tracked", step=self._done, **tracked.to_dict())
+    with logged(folder, pipeline, source, driver) as log:
+        thread = threading.Thread(target=watching, name="watch", daemon=True)
+        thread.start()
+        try:
+            report = Loop(relay, relay.decide, driver, log=log, tell=tell).run()
+        finally:
+            watch.stop()
+            thread.join()
+    if failed:  # a film that cannot be written, say: the robot has been stopped by now
+        raise failed[0]
+    return report, log.folder
 
-    def _miss(self, silent: Tracked) -> None:
-        """No picture comes any more: said once on paper, shown all the time in the panel."""
-        if self.panel is not None:
-            self.panel.show(silent)
-        if self._lost:
-            return
-        self._lost = True
-        if self._as_json:
-            source = self._source
-            tracked = {"problem": source.problem, "tracked": silent.to_dict()}
-            lost = {"image": source.name, "reason": "lost", "turn_deg": None, **tracked}
-            _print_json({**lost, "stamp_s": time.monotonic(), "source": _counts(source)})
-        elif self.panel is None:
-            self._say(silent)
 
-    def _line(self, tracked: Tracked) -> dict[str, Any]:
-        """The object of `3ds look --json`, and what memory adds."""
-        return {
-            **tracked.raw.to_dict(self._source.frame_name),
-            "stamp_s": tracked.raw.frame.stamp_s,
-            "tracked": tracked.to_dict(),
-            "source": _counts(self._source),
-        }
+def _heading(robot: Robot) -> Callable[[], float | None]:
+    """The robot's heading, asked for with every frame until it fails once."""
+    from doorway3ds.robots.base import RobotError
 
-    def _say(self, tracked: Tracked) -> None:
-        """A line where the reason changes, else once a second."""
-        from doorway3ds.draw.words import headline, sentence
+    gone = False
 
-        decision, now = tracked.decision, time.monotonic()
-        reason, said_s = self._said
-        if reason == decision.reason and now - said_s < _SAY_S:
-            return
-        self._said = (str(decision.reason), now)
-        words = f"{headline(decision)}. {sentence(decision)}".replace("\u00a0", " ")
-        sys.stdout.write(f"{self._source.frame_name}: {words}\n")
-        sys.stdout.flush()
+    def ask() -> float | None:
+        nonlocal gone
+        if gone:
+            return None
+        try:
+            return robot.pose().heading_deg
+        except RobotError:
+            gone = True
+            return None
+
+    return ask
+
+
+def _conclude(report: Report, folder: Path | None, as_json: bool) -> None:
+    """How the robot ended, as text or as one more line of JSON, and as exit status."""
+    if as_json:
+        ended = {"outcome": str(report.outcome), "why": report.why, "looks": report.looks}
+        print_json({**ended, "goes": report.goes, "searches": report.searches})
+    else:
+        sys.stdout.write(f"{report.outcome}: {report.why}\n")
+    _tell(f"log in {folder}")
+    if report.outcome.status:
+        raise typer.Exit(report.outcome.status)
 
 
 def _open(
@@ -242,7 +259,7 @@ def _open(
 
 
 @contextlib.contextmanager
-def _recording(folder: Path, pipeline: Pipeline, source: Source) -> Iterator[RunLog]:
+def _recording(folder: Path, pipeline: Pipeline, source: Source, watch: Watch) -> Iterator[RunLog]:
     """A log that also says how it ended."""
     from dataclasses import asdict
 
@@ -255,26 +272,22 @@ def _recording(folder: Path, pipeline: Pipeline, source: Source) -> Iterator[Run
             gates=asdict(pipeline.gates), params=pipeline.params and asdict(pipeline.params),
             source=source.name, robot=None,
         )  # fmt: skip
-        why = "the source ended"
+        why = "interrupted"
         try:
             yield log
-            why = why if source.ended else "as many frames as asked for"
+            why = watch.why
         except BaseException as error:
             why = str(error) or type(error).__name__
             raise
         finally:
-            log.write("end", outcome="ended", why=why, **_counts(source))
-
-
-def _counts(source: Source) -> dict[str, int]:
-    return {name: getattr(source, name) for name in ("skipped", "damaged", "reconnects")}
-
-
-def _print_json(line: dict[str, Any]) -> None:
-    sys.stdout.write(json.dumps(line, allow_nan=False) + "\n")
-    sys.stdout.flush()
+            log.write("end", outcome="ended", why=why, **counts(source))
 
 
 def _complain(message: str) -> None:
     sys.stderr.write(f"3ds: {message}\n")
+    sys.stderr.flush()
+
+
+def _tell(line: str) -> None:
+    sys.stderr.write(line + "\n")
     sys.stderr.flush()

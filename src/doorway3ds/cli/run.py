@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
-import time
-from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,12 +12,17 @@ import typer
 
 from doorway3ds.cli._camera import CameraOptions, require_range
 from doorway3ds.cli._options import Camera, MaxUnseenM, Method, Threads, WidthM
-from doorway3ds.errors import CallError, UserError
+from doorway3ds.cli._robot import (
+    MOVE_HELP,
+    ROBOT_HELP,
+    logged,
+    pipeline_for,
+    require_robot,
+    robot_of,
+)
+from doorway3ds.errors import UserError
 
 if TYPE_CHECKING:
-    from doorway3ds.pipeline import Pipeline
-    from doorway3ds.robots.base import Limits, Robot
-    from doorway3ds.sources import Source
     from doorway3ds.types import Decision, Frame
 
 _SAID = {
@@ -41,13 +43,9 @@ def run(
     ],
     robot: Annotated[
         str,
-        typer.Option(
-            metavar="ROBOT", help="nao://HOST[:PORT], sim (the robot of a sim:// source), or dry."
-        ),
+        typer.Option(metavar="ROBOT", help=ROBOT_HELP),
     ] = "dry",
-    move: Annotated[
-        bool, typer.Option("--move", help="Allow motion. Without it nothing moves.")
-    ] = False,
+    move: Annotated[bool, typer.Option("--move", help=MOVE_HELP)] = False,
     method: Method = "opening",
     network: Annotated[
         str,
@@ -88,25 +86,19 @@ def run(
     from doorway3ds.follow import follow
     from doorway3ds.loop import Loop, LoopParams
     from doorway3ds.robots.base import Driver, Limits
-    from doorway3ds.runlog import RunLog
     from doorway3ds.sources import open_source
 
+    require_robot(robot)
     limits = Limits(max_turn_deg=max_turn_deg, ttl_s=ttl_s, turn_timeout_s=turn_timeout_s)
-    folder = log or Path(time.strftime("3ds-run-%Y%m%d-%H%M%S"))
     with ExitStack() as stack:
         stack.enter_context(ended_by_sigterm())
         eyes: dict[str, Any] = {"camera": choice.fit, "pose": choice.pose} if camera else {}
         found = stack.enter_context(open_source(source, **eyes))
-        pipeline = _pipeline(found, method, network, width_m, max_unseen_m, threads)
-        legs = stack.enter_context(_robot(robot, found, limits))
-        record = stack.enter_context(RunLog(folder, perception=network == "truth"))
-        record.write(
-            "start", version=_version(), method=method, network=pipeline.network.name,
-            gates=asdict(pipeline.gates), params=pipeline.params and asdict(pipeline.params),
-            limits=asdict(limits), source=found.name, robot=legs.name, move=move,
-        )  # fmt: skip
-        params = LoopParams(aligned_deg=aligned_deg, blocked_s=blocked_s)
+        pipeline = pipeline_for(found, method, network, width_m, max_unseen_m, threads)
+        legs = stack.enter_context(robot_of(robot, found, limits))
         driver = Driver(legs, move=move, limits=limits)
+        record = stack.enter_context(logged(log, pipeline, found, driver))
+        params = LoopParams(aligned_deg=aligned_deg, blocked_s=blocked_s)
 
         def decide(frame: Frame, expected_deg: float | None) -> Decision:
             decision = pipeline.decide(frame)
@@ -121,68 +113,10 @@ def run(
     sys.stdout.write(f"{report.outcome}: {report.why}\n")
     _tell(
         f"{report.looks} looks, {report.goes} turns towards a doorway, {report.searches} to look "
-        f"around, {report.took_s:.1f} s; log in {folder}"
+        f"around, {report.took_s:.1f} s; log in {record.folder}"
     )
     if report.outcome.status:
         raise typer.Exit(report.outcome.status)
-
-
-def _pipeline(
-    source: Source,
-    method: str,
-    network: str,
-    width_m: float | None,
-    max_unseen_m: float | None,
-    threads: int | None,
-) -> Pipeline:
-    from doorway3ds.cli._pipeline import build_pipeline
-
-    if network != "truth":
-        return build_pipeline(method, network, width_m, max_unseen_m, threads)
-
-    from doorway3ds.decision import Gates
-    from doorway3ds.pipeline import Pipeline
-    from doorway3ds.sources.sim import TruthNetwork
-
-    if method not in ("opening", "paper"):
-        raise CallError(f"--method must be opening or paper, got {method!r}")
-    return Pipeline(
-        TruthNetwork(source),
-        method="paper" if method == "paper" else "opening",
-        gates=Gates(max_unseen_m=max_unseen_m),
-    )
-
-
-@contextlib.contextmanager
-def _robot(name: str, source: Source, limits: Limits) -> Iterator[Robot]:
-    from doorway3ds.robots.base import DryRobot
-
-    legs: Robot
-    if name == "dry":
-        legs = DryRobot()
-    elif name == "sim":
-        from doorway3ds.sim.world import SimRobot
-        from doorway3ds.sources.sim import SimSource
-
-        if not isinstance(source, SimSource):
-            raise CallError("--robot sim needs a sim:// source, whose robot it is")
-        legs = SimRobot(source.world)
-    elif name.startswith("nao://"):
-        from doorway3ds.robots.nao import NaoRobot
-
-        legs = NaoRobot(name, limits)
-    else:
-        raise CallError(f"--robot must be nao://HOST[:PORT], sim or dry, got {name!r}")
-    try:
-        yield legs
-    finally:
-        legs.close()
-
-
-def _version() -> str:
-    from doorway3ds import __version__
-
-    return __version__
 
 
 def _tell(line: str) -> None:

@@ -17,13 +17,15 @@ from numpy.typing import NDArray
 
 from doorway3ds.draw import annotate, overlay
 from doorway3ds.errors import UserError
+from doorway3ds.feed import Feed
+from doorway3ds.pipeline import Pipeline
 from doorway3ds.server.choice import Fields, Pipelines, Viewpoint, viewpoint
 from doorway3ds.server.metrics import Metrics
 from doorway3ds.server.settings import Settings
 from doorway3ds.server.view import view_of
 from doorway3ds.sources.base import Source, SourceLost
 from doorway3ds.tracker import Tracked, Tracker
-from doorway3ds.types import Decision, Frame, Reason
+from doorway3ds.types import Decision, Frame, Perception, Reason
 
 State = Literal["starting", "running", "waiting", "ended", "lost", "stopped"]
 Style = Literal["overlay", "plain", "page"]
@@ -32,6 +34,24 @@ _RATE_S = 2.0  # over which frames a second are averaged
 _WAIT_S = 0.5  # for a frame, before the state says that none comes
 
 log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class _Setup:
+    """By what is decided, as one value: another thread may put a new one in its place."""
+
+    pipeline: Pipeline
+    viewpoint: Viewpoint | None
+    tracker: Tracker
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """A frame, what the network saw in it, and by what to decide."""
+
+    frame: Frame
+    perception: Perception
+    setup: _Setup
 
 
 @dataclass(frozen=True)
@@ -84,7 +104,7 @@ def encode_jpeg(image: NDArray[np.uint8], quality: int = 88) -> bytes:
 
 
 class Live:
-    """Reads a source in a thread of its own for as long as the server runs.
+    """Reads a source in threads of its own for as long as the server runs.
 
     name: the source as the user may see it. state: what it does now; `problem` says why in words.
     """
@@ -105,9 +125,7 @@ class Live:
         self._pipelines = pipelines
         self._settings = settings
         self._metrics = metrics
-        self._pipeline = pipelines.get(self.fields)
-        self._viewpoint: Viewpoint | None = None
-        self._tracker = Tracker()
+        self._setup = _Setup(pipelines.get(self.fields), None, Tracker())
         self._ring: OrderedDict[int, Snapshot] = OrderedDict()
         self._count = 0
         self._rate = 0.0
@@ -145,9 +163,8 @@ class Live:
         pipeline = self._pipelines.get(fields)
         given = fields.model_dump(exclude_none=True)
         posed = {"camera", "fov_deg", "height_m", "pitch_deg", "roll_deg"} & set(given)
-        self._pipeline, self.fields = pipeline, fields
-        self._viewpoint = viewpoint(fields, self._settings) if posed else None
-        self._tracker = Tracker()
+        view = viewpoint(fields, self._settings) if posed else None
+        self._setup, self.fields = _Setup(pipeline, view, Tracker()), fields
 
     @property
     def skipped(self) -> int:
@@ -182,20 +199,20 @@ class Live:
 
     def _run(self) -> None:
         try:
-            with self._start() as source:
+            with self._start() as source, Feed(source, self._see) as feed:
                 self._source = source
                 last = time.monotonic()
-                while not source.ended and not self._stopping.is_set():
+                while not feed.ended and not self._stopping.is_set():
                     try:
-                        frame = source.read(_WAIT_S)
-                        if frame is None:
-                            if not source.ended:
+                        seen = feed.read(_WAIT_S)
+                        if seen is None:
+                            if feed.silent and not feed.ended:
                                 self._miss(source)
                             continue
                         now = time.monotonic()
                         self._measure(now - last)
                         last = now
-                        self._keep(self._decide(frame))
+                        self._keep(self._decide(seen))
                         self._enter("running", None)
                     except SourceLost:
                         raise
@@ -215,31 +232,36 @@ class Live:
         weight = min(1.0, gap_s / _RATE_S)
         self._rate += weight * (1.0 / max(gap_s, 1e-3) - self._rate)
 
-    def _decide(self, frame: Frame) -> Snapshot:
-        if self._viewpoint is not None:
-            camera = self._viewpoint.fit(frame.camera.width, frame.camera.height, None)
-            frame = replace(frame, camera=camera, pose=self._viewpoint.pose)
-        decision = self._pipeline.decide(frame)
+    def _see(self, frame: Frame, _: str) -> _Seen:
+        """The network's part, in the feed's thread."""
+        setup = self._setup
+        if setup.viewpoint is not None:
+            camera = setup.viewpoint.fit(frame.camera.width, frame.camera.height, None)
+            frame = replace(frame, camera=camera, pose=setup.viewpoint.pose)
+        return _Seen(frame, setup.pipeline.perceive(frame), setup)
+
+    def _decide(self, seen: _Seen) -> Snapshot:
+        decision = seen.setup.pipeline.conclude(seen.frame, seen.perception)
         self._metrics.count(
             "doorway3ds_decisions_total", origin="source", reason=str(decision.reason)
         )
         for stage, spent in decision.timings_ms.items():
             self._metrics.observe("doorway3ds_stage_seconds", spent / 1e3, stage=stage)
-        tracked = self._tracker.update(decision)
+        tracked = seen.setup.tracker.update(decision)
         return Snapshot(self._count + 1, decision, tracked, self._rate)
 
     def _miss(self, source: Source) -> None:
         """No picture came in time: what was seen last must not stand for long."""
         newest = self.newest
         if source.live and newest is not None and newest.decision.reason is not Reason.LOST:
-            tracked = self._tracker.without_picture(time.monotonic())
+            tracked = self._setup.tracker.without_picture(time.monotonic())
             if tracked is not None and tracked.decision.reason is Reason.LOST:
                 self._keep(Snapshot(self._count + 1, tracked.decision, tracked, 0.0))
         self._enter("waiting", source.problem or "no picture comes")
 
     def _lose(self) -> None:
         """No further picture will come, though it should."""
-        tracked = self._tracker.without_picture(float("inf"))
+        tracked = self._setup.tracker.without_picture(float("inf"))
         if tracked is not None:
             self._keep(Snapshot(self._count + 1, tracked.decision, tracked, 0.0))
 

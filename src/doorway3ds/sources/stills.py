@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import sys
 import time
 from collections.abc import Sequence
@@ -123,6 +124,8 @@ class StreamOfImages(Source):
     def read(self, timeout_s: float | None = None) -> Frame | None:
         while not self.ended:
             if not self._waiting:
+                if not self._comes(timeout_s):
+                    return None
                 self._fill()
                 continue
             data = self._waiting.pop(0)
@@ -140,6 +143,16 @@ class StreamOfImages(Source):
             self.frame_name = f"-#{self._count}"
             return frame
         return None
+
+    def _comes(self, timeout_s: float | None) -> bool:
+        """Waits until there is something to read, or the end; False after `timeout_s`."""
+        if timeout_s is None:
+            return True
+        try:
+            # Nothing lies in the stream's own buffer: `read1` hands out all that it took.
+            return bool(select.select([self._stream], [], [], timeout_s)[0])
+        except (OSError, ValueError, TypeError):  # no pipe, or a system that waits for sockets only
+            return True
 
     def _fill(self) -> None:
         chunk = self._stream.read1(_CHUNK) if hasattr(self._stream, "read1") else b""

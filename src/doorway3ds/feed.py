@@ -1,0 +1,167 @@
+"""A source and a network at work in threads of their own, one frame ahead of who decides.
+
+While one frame is decided on, shown and written, the network looks at the next. Nothing queues:
+at most one finished frame waits, and a live source gives its newest picture when that is taken.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from types import TracebackType
+from typing import Generic, Protocol, Self, TypeVar
+
+from doorway3ds.errors import UserError
+from doorway3ds.types import Frame
+
+T = TypeVar("T")
+
+_WAIT_S = 0.5  # for a picture, before the source counts as silent
+_CLOSE_WAIT_S = 2.0
+
+
+class Frames(Protocol):
+    """The part of a source that a feed needs."""
+
+    frame_name: str
+
+    @property
+    def ended(self) -> bool: ...
+
+    def read(self, timeout_s: float | None = None) -> Frame | None: ...
+
+
+class Feed(Generic[T]):
+    """What `see` makes of a source's frames, in their order.
+
+    see: is given each frame and what it is called; runs in the feed's thread.
+    prefetch: also read, and decode, one frame ahead of `see`, in a thread more. For sources that
+        lose nothing by waiting: a live one would hand out a picture that is no longer its newest.
+
+    The source stays the caller's; close the feed first.
+    """
+
+    def __init__(
+        self, source: Frames, see: Callable[[Frame, str], T], *, prefetch: bool = False
+    ) -> None:
+        self._source, self._see = source, see
+        self._reader: _Ahead[tuple[Frame, str]] | None = None
+        self._silent = False
+        if prefetch:
+            self._reader = _Ahead(self._fetch, lambda: source.ended, "reader")
+        reader = self._reader
+        over = (lambda: source.ended) if reader is None else (lambda: reader.ended)
+        self._seer = _Ahead(self._step, over, "network")
+
+    @property
+    def ended(self) -> bool:
+        """Nothing further will come."""
+        return self._seer.ended
+
+    @property
+    def silent(self) -> bool:
+        """The source was asked and gave no frame for a while; not that `see` takes its time."""
+        return self._silent
+
+    def read(self, timeout_s: float | None = None) -> T | None:
+        """The next result; None where none came within `timeout_s` seconds, or when `ended`.
+
+        Raises, in its turn, what the source or `see` raised. After a UserError that did not end
+        the source, further results come.
+        """
+        return self._seer.read(timeout_s)
+
+    def close(self) -> None:
+        """Ends the threads; may be called twice."""
+        for thread in (self._seer, self._reader):
+            if thread is not None:
+                thread.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _fetch(self, timeout_s: float) -> tuple[Frame, str] | None:
+        frame = self._source.read(timeout_s)
+        return None if frame is None else (frame, self._source.frame_name)
+
+    def _step(self, timeout_s: float) -> T | None:
+        fetched = self._fetch(timeout_s) if self._reader is None else self._reader.read(timeout_s)
+        self._silent = fetched is None
+        if fetched is None:
+            return None
+        return self._see(*fetched)
+
+
+class _Ahead(Generic[T]):
+    """Calls `step` in a thread, one result ahead of who reads them.
+
+    step: is given seconds to wait; None where there is nothing yet. over: whether it has no more.
+    """
+
+    def __init__(
+        self, step: Callable[[float], T | None], over: Callable[[], bool], name: str
+    ) -> None:
+        self._step, self._over = step, over
+        self._news = threading.Condition()
+        self._kept: list[tuple[T | None, BaseException | None]] = []  # one at most
+        self._done = self._closing = False
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    @property
+    def ended(self) -> bool:
+        with self._news:
+            return self._done and not self._kept
+
+    def read(self, timeout_s: float | None) -> T | None:
+        with self._news:
+            self._news.wait_for(lambda: self._kept or self._done, timeout_s)
+            if not self._kept:
+                return None
+            value, error = self._kept.pop()
+            self._news.notify_all()
+        if error is not None:
+            raise error
+        return value
+
+    def close(self) -> None:
+        with self._news:
+            self._closing = True
+            self._news.notify_all()
+        if self._thread is not threading.current_thread():
+            self._thread.join(_CLOSE_WAIT_S)
+
+    def _run(self) -> None:
+        done = False
+        while not done:
+            with self._news:
+                self._news.wait_for(lambda: not self._kept or self._closing)
+                if self._closing:
+                    break
+            value: T | None = None
+            caught: BaseException | None = None
+            try:
+                value = self._step(_WAIT_S)
+            except UserError as error:  # perhaps of this frame alone
+                caught = error
+            except BaseException as error:
+                caught, done = error, True
+            done = done or (value is None and self._over())
+            if value is None and caught is None and not done:
+                continue
+            with self._news:
+                if value is not None or caught is not None:
+                    self._kept.append((value, caught))
+                self._done = done
+                self._news.notify_all()
+        with self._news:
+            self._done = True
+            self._news.notify_all()
