@@ -14,6 +14,7 @@ import typer
 
 from doorway3ds.cli._camera import CameraOptions
 from doorway3ds.cli._progress import Progress
+from doorway3ds.cli._tables import print_tables
 from doorway3ds.errors import CallError
 
 if TYPE_CHECKING:
@@ -316,7 +317,6 @@ def _finish(
     report: Report, result: dict[str, Any], out: Path | None, json_file: Path | None
 ) -> None:
     from rich.console import Console
-    from rich.table import Table as RichTable
 
     from doorway3ds.evaluate.report import write_json, write_report
 
@@ -330,14 +330,7 @@ def _finish(
     if json_file is not None:
         write_json(json_file, result)
     console = Console()
-    for table in report.tables:
-        shown = RichTable(title=table.title, title_justify="left", box=None, pad_edge=False)
-        shown.add_column("")
-        for column in table.columns:
-            shown.add_column(column)
-        for name, _, cells in table.rows:
-            shown.add_row(name, *cells)
-        console.print(shown)
+    print_tables(console, report.tables)
     for name in ("places", "marks", "left out"):
         if name in report.facts:
             console.print(f"{name}: {report.facts[name]}", highlight=False, markup=False)

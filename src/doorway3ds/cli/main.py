@@ -23,6 +23,7 @@ _ORDER = (
     "bench",
     "train",
     "eval",
+    "reproduce",
     "sim",
 )
 

@@ -86,6 +86,76 @@ def training_rows(pictures: DoorPictures, split: Split, copies: int) -> list[Wan
     ]
 
 
+@dataclass(frozen=True)
+class Prepared:
+    """What the head's training needs: the split, the frozen part, and features of both sides."""
+
+    split: Split
+    base: Any
+    head: Any
+    train: Rows
+    held: Rows
+    identity: str
+
+    def records(
+        self, pictures: DoorPictures, p_open: NDArray[np.float64]
+    ) -> list[ClassifierRecord]:
+        """The held-out pictures with these probabilities."""
+        return [
+            ClassifierRecord(s.name, group, bool(s.is_open), float(p), s.kinds)
+            for s, group, p in (
+                (pictures.samples[i], pictures.groups[i], p)
+                for i, p in zip(self.split.held, p_open, strict=True)
+            )
+        ]
+
+
+def prepare(
+    pictures: DoorPictures,
+    options: SrinOptions,
+    out: Path,
+    *,
+    seen: Callable[[int, int], None] = lambda done, total: None,
+    team: Team = ALONE,
+) -> Prepared:
+    """Splits, builds both parts and computes the features, kept in out/features.npz."""
+    import keras
+
+    split = split_pictures(pictures, options.validation, options.seed)
+    keras.utils.set_random_seed(options.seed)
+    base = cnn_srin.build_base(_weights(options.weights), options.side)
+    base.trainable = False
+    head = cnn_srin.build_head()
+    cache = FeatureCache(out / "features.npz", base, options.seed)
+    rows = training_rows(pictures, split, options.copies)
+    held = [Wanted(pictures.samples[i], pictures.digests[i]) for i in split.held]
+    if team.leads:
+        cache.features([*rows, *held], seen=seen)
+    team.told(None)  # the others wait for the file
+    if not team.leads:
+        cache = FeatureCache(out / "features.npz", base, options.seed)
+    return Prepared(
+        split,
+        base,
+        head,
+        _rows(rows, cache.features(rows)),
+        _rows(held, cache.features(held)),
+        _identity(pictures, split, options, cnn_srin.weights_digest(base)),
+    )
+
+
+def loop_config(options: SrinOptions) -> LoopConfig:
+    """How the head is trained."""
+    return LoopConfig(
+        epochs=options.epochs,
+        learning_rate=options.learning_rate,
+        batch=options.batch,
+        seed=options.seed,
+        patience=options.patience,
+        half=wants_half(options.precision),
+    )
+
+
 def train_cnn_srin(
     pictures: DoorPictures,
     options: SrinOptions,
@@ -101,38 +171,15 @@ def train_cnn_srin(
 
     watcher, seen: told of the training's and the features' progress. facts: for the card.
     """
-    import keras
-
     outcome.require_plots()
-    split = split_pictures(pictures, options.validation, options.seed)
-    keras.utils.set_random_seed(options.seed)
-    base = cnn_srin.build_base(_weights(options.weights), options.side)
-    base.trainable = False
-    head = cnn_srin.build_head()
-    cache = FeatureCache(out / "features.npz", base, options.seed)
-    rows = training_rows(pictures, split, options.copies)
-    held = [Wanted(pictures.samples[i], pictures.digests[i]) for i in split.held]
-    if team.leads:
-        cache.features([*rows, *held], seen=seen)
-    team.told(None)  # the others wait for the file
-    if not team.leads:
-        cache = FeatureCache(out / "features.npz", base, options.seed)
-    train = _rows(rows, cache.features(rows))
-    validation = _rows(held, cache.features(held))
-    identity = _identity(pictures, split, options, cnn_srin.weights_digest(base))
-    config = LoopConfig(
-        epochs=options.epochs,
-        learning_rate=options.learning_rate,
-        batch=options.batch,
-        seed=options.seed,
-        patience=options.patience,
-        half=wants_half(options.precision),
-    )
+    ready = prepare(pictures, options, out, seen=seen, team=team)
+    split, base, head, identity = ready.split, ready.base, ready.head, ready.identity
+    config = loop_config(options)
     loop = Loop(
         head,
         cnn_srin.losses,
-        train,
-        validation,
+        ready.train,
+        ready.held,
         config,
         out,
         identity=identity,
@@ -149,24 +196,19 @@ def train_cnn_srin(
     if not team.leads:
         return {}
     if options.fine_tune:
-        p_open = _predict(whole, Pictures([w.sample for w in held], options.side, False, 0))
+        samples_held = [pictures.samples[i] for i in split.held]
+        p_open = predict(whole, Pictures(samples_held, options.side, False, 0))
     else:
-        p_open = _predict(head, validation)
-    records = [
-        ClassifierRecord(s.name, group, bool(s.is_open), float(p), s.kinds)
-        for s, group, p in (
-            (pictures.samples[i], pictures.groups[i], p)
-            for i, p in zip(split.held, p_open, strict=True)
-        )
-    ]
+        p_open = predict(head, ready.held)
+    records = ready.records(pictures, p_open)
     scored = classifier.score(records)
     card = _card(pictures, split, options, scored, facts or {})
     path = out / "cnn-srin.onnx"
     card["parity"] = export(
         whole,
         path,
-        (3, options.side, options.side),
-        "p_open",
+        [(3, options.side, options.side)],
+        ["p_open"],
         lambda logits: logits.sigmoid().reshape(-1),
         {key: card[key] for key in ("name", "date", "initialised_from")},
         scale=255.0,
@@ -224,7 +266,7 @@ def _rows(wanted: Sequence[Wanted], features: NDArray[np.float32]) -> Rows:
     return Rows(names, features, [w.sample.is_open for w in wanted])
 
 
-def _predict(model: Any, data: Data, batch: int = 16) -> NDArray[np.float64]:
+def predict(model: Any, data: Data, batch: int = 16) -> NDArray[np.float64]:
     """(N,) probabilities of a model that gives logits."""
     import torch
 
