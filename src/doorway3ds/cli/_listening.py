@@ -1,0 +1,136 @@
+"""Where a server of a command listens, who may enter, and what it says when it answers."""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+import socket
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from doorway3ds.errors import CallError
+
+if TYPE_CHECKING:
+    from doorway3ds.server.shield import Shield
+    from doorway3ds.server.tls import Certificate
+
+TOKEN_VARIABLE = "DOORWAY3DS_TOKEN"
+_TOKEN = re.compile(r"[A-Za-z0-9._~-]{8,256}")
+
+Host = Annotated[str, typer.Option(help="0.0.0.0 for other devices.")]
+Port = Annotated[int, typer.Option(min=0, max=65535, help="0 takes a free one.")]
+Token = Annotated[
+    str | None,
+    typer.Option(
+        envvar=TOKEN_VARIABLE,
+        help="What clients must know, or `new`; needed with --host other than this machine.",
+    ),
+]
+TlsCert = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="PEM; default: one made on the spot.")
+]
+TlsKey = Annotated[Path | None, typer.Option(metavar="FILE", help="PEM.")]
+TlsName = Annotated[
+    list[str] | None, typer.Option(metavar="NAME", help="More names for the one made here.")
+]
+
+
+@dataclass(frozen=True)
+class ListenOptions:
+    """--host, --port, --token and the options of TLS as they were given."""
+
+    host: str
+    port: int
+    token: str | None = None
+    tls: bool = False
+    tls_cert: Path | None = None
+    tls_key: Path | None = None
+    tls_name: tuple[str, ...] = ()
+
+    def open(self) -> Listening:
+        """Checks them and takes the address.
+
+        Raises CallError for options that do not go together, UserError where the address is
+        taken.
+        """
+        from doorway3ds.server.settings import is_loopback
+
+        token = _token(self.token, self.host, is_loopback(self.host))
+
+        from doorway3ds.server.links import link
+        from doorway3ds.server.run import listen
+
+        tls = self.tls or self.tls_cert is not None or self.tls_key is not None
+        certificate = _certificate(self.tls_cert, self.tls_key, self.tls_name) if tls else None
+        bound = listen(self.host, self.port)
+        port = bound.getsockname()[1]
+        here = link("127.0.0.1" if self.host in ("0.0.0.0", "") else self.host, port, tls, token)
+        shared = None if is_loopback(self.host) else link(self.host, port, tls, token)
+        return Listening(bound, token, here, shared, certificate, self.tls_cert is None)
+
+
+@dataclass(frozen=True)
+class Listening:
+    """An address taken. here: the page's link on this machine; shared: for others, or None."""
+
+    bound: socket.socket
+    token: str | None
+    here: str
+    shared: str | None
+    certificate: Certificate | None
+    own_certificate: bool
+
+    def serve(self, app: Shield, doing: str) -> None:
+        """Answers until Ctrl-C or SIGTERM; `doing` begins the line that says so."""
+        from doorway3ds.server.links import qr_text
+        from doorway3ds.server.run import make_server
+
+        def ready() -> None:
+            typer.echo(f"{doing} {self.shared or self.here}")
+            if self.shared is not None:
+                typer.echo(qr_text(self.shared), err=True)
+            if self.certificate is not None and self.own_certificate:
+                typer.echo(
+                    "the certificate was made by this machine: browsers warn once; "
+                    f"its SHA-256 fingerprint is\n{self.certificate.fingerprint}",
+                    err=True,
+                )
+            sys.stdout.flush()
+
+        make_server(app, self.certificate, ready).run(sockets=[self.bound])
+
+
+def _token(token: str | None, host: str, is_loopback: bool) -> str | None:
+    if token == "new":
+        return secrets.token_urlsafe(24)
+    if token is not None and not _TOKEN.fullmatch(token):
+        raise CallError(
+            "--token must be `new` or 8 to 256 letters, digits and . _ ~ - as in a link"
+        )
+    if token is None and not is_loopback:
+        raise CallError(
+            f"--host {host} lets other machines in; add --token new, or --token TEXT, or set "
+            f"{TOKEN_VARIABLE}"
+        )
+    return token
+
+
+def _certificate(chain: Path | None, key: Path | None, names: tuple[str, ...]) -> Certificate:
+    from doorway3ds.server import tls
+
+    if (chain is None) != (key is None):
+        raise CallError("--tls-cert and --tls-key go together; give both or neither")
+    if chain is not None and key is not None:
+        return tls.given(chain, key)
+    return tls.self_signed(_private_folder(), names)
+
+
+def _private_folder() -> Path:
+    """Where the certificate and key made here lie, for this user alone."""
+    base = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+    return Path(base) / "doorway3ds" / "tls"
