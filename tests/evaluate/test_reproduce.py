@@ -15,9 +15,11 @@ from doorway3ds.evaluate.reproduce import (
     Answer,
     angle_table,
     answer_pictures,
+    behind_floor,
     confusion_table,
     count,
     epochs_table,
+    floor_verdict,
     pictures_table,
     read_pictures,
     recompute,
@@ -98,6 +100,18 @@ def test_a_row_that_contradicts_is_found(wrong: dict[str, float | None]) -> None
     assert not found.agrees
     assert "unrounded: Table 3, row 1." in verdict([found])
     assert angle_table([found]).rows[0][1] == "contradicts the formula"
+
+
+def test_printed_depths_need_a_raised_head() -> None:
+    behind = [str(row) for row in printed.ROWS if behind_floor(row, 0)]
+    assert len(behind) == 9
+    assert {"Table 3, row 3", "Table 4, row 7"}.isdisjoint(behind)
+    assert not [row for row in printed.ROWS if behind_floor(row, 9.7)]
+    assert "9 of 11" in floor_verdict(printed.ROWS)
+    # 65.5 rows below the middle of a level camera 0.52 m up, floor is 2.16 m deep
+    row = replace(printed.ROWS[0], max_depth=None, best_depth=0.225)
+    assert behind_floor(row, 1.2) is True
+    assert behind_floor(replace(row, best_depth=0.220), 1.2) is False
 
 
 def test_gates_hold_angles_back() -> None:

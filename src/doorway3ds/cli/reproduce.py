@@ -128,7 +128,7 @@ def reproduce(
         }
         scored, curve = trained.scored, outcome.curves(trained.history, "accuracy")
     shown.append(tables.epochs_table(scored))
-    notes = [tables.verdict(rows), *printed.NOT_RERUN]
+    notes = [tables.verdict(rows), tables.floor_verdict(printed.ROWS), *printed.NOT_RERUN]
     if answers and here is None:
         notes.append("The twelve pictures lie in no class folders: no counts are made.")
     if scored is not None and weights == "none":

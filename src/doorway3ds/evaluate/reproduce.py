@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from doorway3ds.camera import pixel_to_ray, preset, rotation
 from doorway3ds.errors import UserError
 from doorway3ds.evaluate import printed
 from doorway3ds.evaluate.classifier import ClassifierMetrics
@@ -16,10 +17,12 @@ from doorway3ds.evaluate.metrics import Confusion, confusion
 from doorway3ds.evaluate.readers import read_dataset
 from doorway3ds.evaluate.report import Table, cell
 from doorway3ds.images import SUFFIXES
-from doorway3ds.paper import COLUMNS, FREE_BELOW_ROW, pixel_to_angle
+from doorway3ds.paper import COLUMNS, FREE_BELOW_ROW, ROWS, UNIT_M, pixel_to_angle
 from doorway3ds.types import Decision, Frame
 
+STAND_DEG = 9.7  # by which NAO's posture Stand raises its head
 _MARKS = ("doorways.csv", "boxes.csv")
+_HALF_A_DIGIT = 0.005  # of a printed depth
 
 
 @dataclass(frozen=True)
@@ -121,6 +124,35 @@ def verdict(rows: Sequence[Recomputed]) -> str:
     return (
         f"Rows that contradict (160 - column) x 60.9 / 320, unrounded: {said}. "
         f"Rows that contradict the text's 0.19 degrees a pixel: {'; '.join(text) or 'none'}."
+    )
+
+
+def behind_floor(row: printed.Row, raised_deg: float) -> bool:
+    """Whether a printed depth is larger than that of the floor under its pixel.
+
+    For the NAO's top camera 0.52 m up, on a level head or one raised by so many degrees.
+    """
+    camera, pose = preset("nao-v5-top", COLUMNS, ROWS)
+    turn = rotation(replace(pose, pitch_deg=pose.pitch_deg + raised_deg))
+    for pixel, depth in ((row.max_pixel, row.max_depth), (row.best_pixel, row.best_depth)):
+        if pixel is None or depth is None:
+            continue
+        sinks = -(turn @ pixel_to_ray(camera, (pixel[1], pixel[0])))[2]  # per metre of depth
+        if sinks * UNIT_M * (depth - _HALF_A_DIGIT) > (pose.height_m or 0):
+            return True
+    return False
+
+
+def floor_verdict(rows: Sequence[printed.Row]) -> str:
+    """How many printed depths contradict the floor, with the head level and as in "Stand"."""
+    known = [row for row in rows if row.best_pixel is not None]
+    level, stand = (
+        [str(r) for r in known if behind_floor(r, raised)] for raised in (0.0, STAND_DEG)
+    )
+    return (
+        f"Rows whose depth lies behind the floor, seen by a NAO with its head level: {len(level)} "
+        f"of {len(known)} ({'; '.join(level) or 'none'}). With its head raised by {STAND_DEG} "
+        f"degrees, as in its posture Stand: {'; '.join(stand) or 'none'}."
     )
 
 
@@ -259,7 +291,7 @@ def result(
     return {
         "paper": printed.SOURCE,
         "tables_3_and_4": [row.to_dict() for row in rows],
-        "verdict": verdict(rows),
+        "verdict": [verdict(rows), floor_verdict([row.row for row in rows])],
         "tables_1_and_2": [{"truth_open": a.is_open, **a.decision.to_dict(a.name)} for a in answers]
         or None,
         "table_2": {"printed": _counts(printed.TABLE_2), "here": here and _counts(here)},
