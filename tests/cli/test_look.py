@@ -240,3 +240,12 @@ def test_a_reader_that_leaves_ends_it_quietly(cli: Cli) -> None:
     err = process.stderr.read()
     assert process.wait(timeout=20) == 1
     assert err == b""
+
+
+def test_mirror_looks_twice_and_says_so(cli: Cli) -> None:
+    # the tiny network finds its door at the same columns of both mirrorings: twice in the picture
+    twice = answer(cli, "photo.jpg", "--mirror")
+    assert twice["network"] == "net.onnx, mirrored average"
+    left, right = (opening["bearing_deg"] for opening in twice["openings"])
+    assert left == pytest.approx(-right, abs=0.01)
+    assert left > 5

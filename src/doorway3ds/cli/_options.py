@@ -25,6 +25,10 @@ MaxUnseenM = Annotated[
     typer.Option(help="Abstain where the floor comes into view only beyond this distance."),
 ]
 Threads = Annotated[int | None, typer.Option(min=1, help="For the network.")]
+Mirror = Annotated[
+    bool,
+    typer.Option("--mirror", help="Average over both mirrorings: steadier, at twice the time."),
+]
 
 # Pictures in classes: train, reproduce.
 EvalLayout = Annotated[str | None, typer.Option(help="As of `3ds eval`; told if left out.")]

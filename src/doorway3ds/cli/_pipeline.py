@@ -18,8 +18,12 @@ def build_pipeline(
     width_m: float | None,
     max_unseen_m: float | None,
     threads: int | None,
+    mirror: bool = False,
 ) -> Pipeline:
-    """--method, --network, --width-m, --max-unseen-m and --threads; CallError for wrong ones."""
+    """--method, --network, --width-m, --max-unseen-m, --threads and --mirror.
+
+    Raises CallError for wrong ones.
+    """
     if method not in ("opening", "paper"):
         raise CallError(f"--method must be opening or paper, got {method!r}")
     require_range("--width-m", width_m, 0.01, 5)
@@ -27,12 +31,14 @@ def build_pipeline(
 
     from doorway3ds.decision import Gates
     from doorway3ds.networks import load
+    from doorway3ds.networks.mirrored import Mirrored
     from doorway3ds.pipeline import NEEDS, Pipeline
 
     needs = NEEDS["paper" if method == "paper" else "opening"]
     try:
+        loaded = load(network, threads=threads, needs=needs)
         pipeline = Pipeline(
-            load(network, threads=threads, needs=needs),
+            Mirrored(loaded) if mirror else loaded,
             method="paper" if method == "paper" else "opening",
             gates=Gates(max_unseen_m=max_unseen_m),
         )

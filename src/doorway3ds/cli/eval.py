@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from doorway3ds.cli._camera import CameraOptions
+from doorway3ds.cli._options import Mirror
 from doorway3ds.cli._progress import Progress
 from doorway3ds.cli._tables import print_tables
 from doorway3ds.errors import CallError
@@ -81,6 +82,7 @@ def direction(
     data: Data,
     method: Annotated[str, typer.Option(help="Methods, by commas.")] = "opening,paper",
     network: Networks = None,
+    mirror: Mirror = False,
     answers: Annotated[
         list[Path] | None,
         typer.Option(
@@ -115,11 +117,12 @@ def direction(
     """
     from doorway3ds.evaluate import direction as scores
     from doorway3ds.evaluate import pages, runners
+    from doorway3ds.networks.mirrored import Mirrored
 
     dataset = _dataset(data, layout, places, CameraOptions(camera, fov_deg), min_confidence)
     runs = runners.DirectionRuns()
     if answers:
-        if network or truth_depth or no_gate or folds:
+        if network or mirror or truth_depth or no_gate or folds:
             raise CallError("--answers scores what is stored; leave the network's options out")
         chosen, _ = next(_parts(dataset, split, None, images))
         dataset = chosen
@@ -130,6 +133,8 @@ def direction(
         for part, k in _parts(dataset, split, folds, images):
             for name in names:
                 loaded = None if name == "none" else _network(name, k)
+                if loaded is not None and mirror:
+                    loaded, name = Mirrored(loaded), f"{name}, mirrored average"
                 label = "true depth" if loaded is None else name
                 answer = runners.methods_on(loaded, label, methods, truth_depth, no_gate)
                 known = loaded is not None and not no_gate
@@ -152,6 +157,7 @@ def direction(
 def classifier(
     data: Data,
     network: Networks = None,
+    mirror: Mirror = False,
     threshold: Annotated[float, typer.Option(min=0, max=1, help="Open from here on.")] = 0.5,
     layout: Layout = None,
     split: Split = None,
@@ -168,12 +174,15 @@ def classifier(
     """p_open against open or not: accuracy, AUC, calibration, false alarms by kind."""
     from doorway3ds.evaluate import classifier as scores
     from doorway3ds.evaluate import pages, runners
+    from doorway3ds.networks.mirrored import Mirrored
 
     dataset = _dataset(data, layout, places, CameraOptions(camera, fov_deg), min_confidence)
     records: dict[str, list[scores.ClassifierRecord]] = {}
     left_out: dict[str, str] = {}
     for part, k in _parts(dataset, split, folds, images):
         loaded = {name: _network(name, k, ["p_open"]) for name in network or ["doornet"]}
+        if mirror:
+            loaded = {f"{name}, mirrored average": Mirrored(n) for name, n in loaded.items()}
         new, missing = runners.run_classifier(_progress(part.samples), loaded)
         left_out |= missing
         for name, column in new.items():

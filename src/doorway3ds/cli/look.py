@@ -20,6 +20,7 @@ from doorway3ds.cli._options import (
     HeightM,
     MaxUnseenM,
     Method,
+    Mirror,
     Network,
     PitchDeg,
     RollDeg,
@@ -63,6 +64,7 @@ def look(
         Path | None, typer.Option(metavar="DIR", help="Depth maps in metres, .npy.")
     ] = None,
     threads: Threads = None,
+    mirror: Mirror = False,
 ) -> None:
     """Say for each picture whether a doorway is open, where, and how far to turn.
 
@@ -70,7 +72,7 @@ def look(
     """
     options = CameraOptions(camera, fov_deg, height_m, pitch_deg, roll_deg)
     choice = options.resolve()
-    pipeline = build_pipeline(method, network, width_m, max_unseen_m, threads)
+    pipeline = build_pipeline(method, network, width_m, max_unseen_m, threads, mirror)
     if out is None and not as_json:
         out = OUT
     for folder in (out, depth_dir):
