@@ -36,12 +36,19 @@ def models(
 def fetch(
     name: str,
     url: Annotated[str | None, typer.Option(help="http(s) address of an ONNX file.")] = None,
-    sha256: Annotated[str | None, typer.Option(help="The file's digest, required.")] = None,
+    sha256: Annotated[
+        str | None, typer.Option(help="The file's digest; required with --url.")
+    ] = None,
     licence: Annotated[str | None, typer.Option(help="Noted on the file's card.")] = None,
 ) -> None:
-    """Download a network's file; it is installed only if its SHA-256 and signature are right."""
+    """Download a network's file; it is used only if its SHA-256 and signature are right.
+
+    Without --url from where the network is published: a release, or the Hugging Face hub, whose
+    cache (HF_HOME) it then stays in; with HF_HUB_OFFLINE=1 it must be there.
+    """
     from doorway3ds.networks.fetch import fetch as download
 
+    typer.echo(f"{name}: fetching", err=True)
     typer.echo(f"{name}: installed {download(name, url, sha256, licence)}")
 
 

@@ -25,7 +25,7 @@ from doorway3ds.errors import UserError
 from doorway3ds.networks.base import DEPTH, RELATIVE
 from doorway3ds.networks.cnn_srin import squeeze
 from doorway3ds.networks.depthspec import INVERSE, METRES, RELATIVE_INVERSE, DepthSpec
-from doorway3ds.networks.session import Session, Shape, Signature, signature
+from doorway3ds.networks.session import Session, Shape, Signature, signature, verify
 from doorway3ds.types import Perception, RelativeDepth
 
 # Median depth of a picture from a room or a street: beyond, the unit is another.
@@ -51,6 +51,7 @@ class DepthFile:
         path = Path(path)
         self.name = name or path.stem
         self.gives = frozenset({RELATIVE if spec.relative else DEPTH})
+        verify(path, sha256)
         seen = signature(path)
         self.spec, shape = _fit(spec, seen, path)
         self.session = Session(
@@ -59,7 +60,6 @@ class DepthFile:
             [_only("output", spec.output, seen.outputs, path)],
             input_name=_only("input", spec.input, tuple(seen.inputs), path),
             spare=True,
-            sha256=sha256,
             threads=threads,
             providers=providers,
         )

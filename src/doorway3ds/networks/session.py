@@ -65,13 +65,7 @@ class Session:
         providers: Sequence[str] | None = None,
     ) -> None:
         self.path = Path(path)
-        if not self.path.is_file():
-            raise UserError(f"no network file {self.path}")
-        if sha256 is not None and (found := digest(self.path)) != sha256:
-            raise UserError(
-                f"network file {self.path} is damaged: its SHA-256 begins {found[:12]}, "
-                f"expected {sha256[:12]}; fetch or make it again"
-            )
+        verify(self.path, sha256)
         self._session = _open(self.path, threads, providers)
         self.outputs = tuple(outputs)
         self._optional = tuple(optional)
@@ -136,6 +130,17 @@ class Session:
         )
 
 
+def verify(path: Path, sha256: str | None) -> None:
+    """UserError where the file is missing or its digest is not `sha256`."""
+    if not path.is_file():
+        raise UserError(f"no network file {path}")
+    if sha256 is not None and (found := digest(path)) != sha256:
+        raise UserError(
+            f"network file {path} is damaged: its SHA-256 begins {found[:12]}, "
+            f"expected {sha256[:12]}; fetch or make it again"
+        )
+
+
 def digest(path: Path) -> str:
     """SHA-256 of a file, in hexadecimal."""
     with path.open("rb") as file:
@@ -151,9 +156,7 @@ class Signature:
 
 
 def signature(path: Path) -> Signature:
-    """Of any ONNX file; UserError where it is missing or damaged."""
-    if not path.is_file():
-        raise UserError(f"no network file {path}")
+    """Of any ONNX file; UserError where it is damaged."""
     session = _open(path, 1, ["CPUExecutionProvider"], optimise=False)
     return Signature(
         {
