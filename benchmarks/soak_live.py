@@ -20,16 +20,16 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
-from doorway3ds.benchmark import machine, made_up_jpeg
+from doorway3ds.benchmark import machine, made_up_film
+from doorway3ds.feed import Feed
 from doorway3ds.networks import load
 from doorway3ds.pipeline import Pipeline
 from doorway3ds.sources import open_source
 from doorway3ds.tracker import Tracker
+from doorway3ds.types import Frame, Perception
 
-FPS, SECONDS = 30, 20
 RESULTS = Path(__file__).parent / "results"
 
 
@@ -44,7 +44,7 @@ def main() -> None:
     given = parser.parse_args()
 
     with tempfile.TemporaryDirectory() as folder:
-        source = given.source or str(make_film(Path(folder) / "film.mp4"))
+        source = given.source or str(made_up_film(Path(folder) / "film.mp4"))
         pipeline = Pipeline(load(given.network, threads=given.threads), method=given.method)
         half = given.minutes * 30
         report = {
@@ -52,7 +52,7 @@ def main() -> None:
             "machine": machine(given.threads),
             "network": pipeline.network.name,
             "method": given.method,
-            "source": given.source or f"made-up film, 640x480, {FPS} a second, {SECONDS} s",
+            "source": given.source or "made-up film, 640x480, 30 a second",
             "minutes": given.minutes,
             "fast": soak(source, pipeline, half, pace=False),
             "paced": soak(source, pipeline, half, pace=True),
@@ -72,17 +72,6 @@ def main() -> None:
     print(f"written to {given.out}")
 
 
-def make_film(path: Path) -> Path:
-    """A photograph-like picture that the camera pans over and back."""
-    wide = cv2.imdecode(np.frombuffer(made_up_jpeg(960, 480), np.uint8), cv2.IMREAD_COLOR)
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), FPS, (640, 480))
-    for index in range(FPS * SECONDS):
-        left = round(160 - 160 * np.cos(2 * np.pi * index / (FPS * SECONDS)))
-        writer.write(np.ascontiguousarray(wide[:, left : left + 640]))
-    writer.release()
-    return path
-
-
 def soak(uri: str, pipeline: Pipeline, seconds: float, pace: bool) -> dict[str, Any]:
     """Decides for that long; a sample every hundredth of it, every second at least."""
     tracker = Tracker()
@@ -90,7 +79,15 @@ def soak(uri: str, pipeline: Pipeline, seconds: float, pace: bool) -> dict[str, 
     rss: list[float] = []
     took: list[float] = []
     every = max(seconds / 100, 1.0)
-    with open_source(uri, loop=True, pace=pace) as source, Path(os.devnull).open("w") as sink:
+
+    def see(frame: Frame, name: str) -> tuple[Frame, str, Perception]:
+        return frame, name, pipeline.perceive(frame)
+
+    with (
+        open_source(uri, loop=True, pace=pace) as source,
+        Feed(source, see, prefetch=not pace) as feed,
+        Path(os.devnull).open("w") as sink,
+    ):
         start = last = time.monotonic()
         decisions = 0
         while (now := time.monotonic()) - start < seconds:
@@ -98,17 +95,19 @@ def soak(uri: str, pipeline: Pipeline, seconds: float, pace: bool) -> dict[str, 
                 times.append(now - start)
                 rss.append(resident_mb())
                 last = now
-            frame = source.read(1.0)
-            if frame is None:
+            seen = feed.read(1.0)
+            if seen is None:
                 continue
+            frame, name, perception = seen
             begun = time.perf_counter()
-            tracked = tracker.update(pipeline.decide(frame))
-            line = {**tracked.raw.to_dict(source.frame_name), "tracked": tracked.to_dict()}
+            tracked = tracker.update(pipeline.conclude(frame, perception))
+            line = {**tracked.raw.to_dict(name), "tracked": tracked.to_dict()}
             sink.write(json.dumps(line) + "\n")
             decisions += 1
             # Enough for the quantiles, and no list that grows with the hours.
             if len(took) < 100_000:
-                took.append((time.perf_counter() - begun) * 1e3)
+                spent = (time.perf_counter() - begun) * 1e3
+                took.append(spent + sum(perception.timings_ms.values()))
         seconds = time.monotonic() - start
         skipped = source.skipped
     settled = len(times) // 2

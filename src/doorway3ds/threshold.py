@@ -46,6 +46,7 @@ class Walls:
     wall: may belong to a jamb. ground: `ahead` where the ray meets the floor's plane, nan for
     pixels that are not floor; None where no floor is known. pitch: slope from one column of
     the grid to the next. axis: (2,) unit vector of the camera's axis on the floor.
+    least, most: (w,) of the slopes in each column.
     """
 
     slope: Array
@@ -54,6 +55,13 @@ class Walls:
     ground: Array | None
     pitch: float
     axis: Array
+    least: Array
+    most: Array
+
+    def columns(self, low: float, high: float) -> slice:
+        """The columns that hold every slope from low to high, so that others need no look."""
+        found = np.flatnonzero((self.most >= low - 1e-9) & (self.least <= high + 1e-9))
+        return slice(int(found[0]), int(found[-1]) + 1) if found.size else slice(0, 0)
 
 
 def locate_threshold(
@@ -98,8 +106,10 @@ def _within(
 ) -> tuple[float | None, float | None]:
     """The jambs less one that lies beyond what is seen through the opening: not of its wall."""
     left, right = jambs
-    inside = walls.wall & (walls.slope < slopes[0]) & (walls.slope > slopes[2])
-    through = walls.ahead[inside]
+    at = walls.columns(float(slopes[2]), float(slopes[0]))
+    slope = walls.slope[:, at]
+    inside = walls.wall[:, at] & (slope < slopes[0]) & (slope > slopes[2])
+    through = walls.ahead[:, at][inside]
     if left is not None and right is not None and through.size >= 5:
         limit = params.beyond * float(np.quantile(through, 0.8))
         if max(left, right) > limit:
@@ -127,7 +137,8 @@ def see_walls(scene: Scene, params: ThresholdParams) -> Walls:
             ground = np.where(scene.floor & (fall > 0), fall * forward, np.nan)
     middle = slope[slope.shape[0] // 2]
     pitch = float(abs(middle[0] - middle[-1])) / max(1, middle.size - 1)
-    return Walls(slope, ahead, wall, ground, pitch, axis)
+    least, most = np.fmin.reduce(slope), np.fmax.reduce(slope)
+    return Walls(slope, ahead, wall, ground, pitch, axis, least, most)
 
 
 def _jamb(
@@ -136,12 +147,16 @@ def _jamb(
     """Distance of a jamb along the camera's axis; `outward` is 1 at the left edge, -1 right."""
     gap = (params.gap + params.gap_gain * scene.depth_error) * walls.pitch
     reach = max(3.0, params.band * walls.slope.shape[1]) * walls.pitch
-    off = (walls.slope - edge) * outward
+    ends = (edge + outward * gap, edge + outward * (gap + reach))
+    at = walls.columns(min(ends), max(ends))
+    slopes, wall = walls.slope[:, at], walls.wall[:, at]
+    off = (slopes - edge) * outward
     strip = (off >= gap) & (off <= gap + reach)
-    inverse = 1 / walls.ahead[strip & walls.wall]
+    wall = strip & wall
+    inverse = 1 / walls.ahead[:, at][wall]
     jamb: float | None = None
     if inverse.size >= 5:
-        slope = walls.slope[strip & walls.wall]
+        slope = slopes[wall]
         typical = float(np.median(inverse))
         same = np.abs(inverse - typical) <= params.same * typical
         if np.count_nonzero(same) < 3:
@@ -153,10 +168,11 @@ def _jamb(
         jamb = 1 / float(np.clip(drawn_on, 0.8 * typical, 1.2 * typical))
     floor: float | None = None
     if walls.ground is not None and (jamb is None or scene.depth_error > 0):
+        ground = walls.ground[:, at]
         with np.errstate(invalid="ignore"):
-            ends = np.where(strip & (walls.ground > 0), walls.ground, 0.0).max(axis=0)
-        if np.count_nonzero(ends) >= 2:
-            floor = float(np.median(ends[ends > 0]))
+            farthest = np.where(strip & (ground > 0), ground, 0.0).max(axis=0)
+        if np.count_nonzero(farthest) >= 2:
+            floor = float(np.median(farthest[farthest > 0]))
     return _agree(jamb, floor, scene.depth_error)
 
 
