@@ -1,14 +1,19 @@
 """doornet: one forward pass gives p_open, opening columns, depth and floor.
 
-Two light encoders see the picture: MobileNetV2 with scene-parsing weights for what things are,
-FastDepth for how far they are. A decoder joins them at strides 16, 8 and 4. Rows are then
-pooled by learned attention, so that the columns of the picture become a sequence on which
-dilated convolutions find where an opening begins and ends (a one-dimensional FCOS: every
-column inside an opening votes for its edges; Tian et al., ICCV 2019).
+MobileNetV2 with scene-parsing weights sees the picture, a decoder joins its strides 16, 8 and
+4. Rows are then pooled by learned attention, so that the columns of the picture become a
+sequence on which dilated convolutions find where an opening begins and ends (a one-dimensional
+FCOS: every column inside an opening votes for its edges; Tian et al., ICCV 2019).
+
+Depth is the geometric mean of two estimates: the decoder's own, and FastDepth's with a learned
+correction. FastDepth has seen the photographs that carry labels of doorways, and knows their
+depth better than that of any other room; so nothing else may rest on its features, or openings
+would be learned from a depth that no new room ever shows.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +25,9 @@ from doorway3ds.train.backbones import Tensor, fastdepth, mobilenet_v2
 CANONICAL_F_PX = 214.0
 # FastDepth was trained at about this focal length (NYU, 640 px shrunk to 304 and cropped)
 FASTDEPTH_F_PX = 250.0
+
+_TYPICAL_M = 2.5  # what the decoder's own depth starts from
+_NEAREST_M = 0.05
 
 SEGMENTS = ("other", "wall", "floor", "door", "window", "ceiling")
 
@@ -59,8 +67,8 @@ def build_doornet(
     Outputs, as a dict: p_open (B,) logit; score (B, N) logits; left, right (B, N) distances
     from a strip's centre to the opening's edges as fractions of the width; clear (B, N) logits
     that the way to the opening in this strip is free; depth
-    (B, h/2, w/2) canonical metres; floor (B, h/4, w/4) logits; segments (B, 6, h/4, w/4)
-    logits (training only). N = w / 4.
+    (B, h/2, w/2) canonical metres; floor (B, h/4, w/4) logits; and for training only segments
+    (B, 6, h/4, w/4) logits and the two parts of depth, depth_own and depth_scaled. N = w / 4.
     """
     import keras
     from keras import layers
@@ -69,7 +77,7 @@ def build_doornet(
     semantic = mobilenet_v2(layers.Rescaling(1 / 127.5, -1.0)(image), semantic_weights)
     metric = fastdepth(layers.Rescaling(1 / 255.0)(image), depth_weights)
     features = [semantic[key] for key in ("top", "s16", "s8", "s4")]
-    features += [metric[key] for key in ("s16", "s8", "s4", "depth")]
+    features += [metric[key] for key in ("s4", "depth")]
     encoder = keras.Model(image, features, name="encoder")
     inputs = [keras.Input((f.shape[1], None, None)) for f in features]
     decoder = keras.Model(inputs, _decode(inputs, config), name="decoder")
@@ -77,10 +85,50 @@ def build_doornet(
     return DoorNet(whole, encoder, decoder)
 
 
+def split_at(net: DoorNet, thaw: tuple[int, int]) -> tuple[Any, Any]:
+    """(front, rest): what stays as it is while both encoders learn from convolutions `thaw` on.
+
+    rest(front(image)) is the whole network, and layers are shared. A front may run in ONNX
+    Runtime, which is three times as fast on a CPU. None where there is no such cut: the depth
+    encoder learns, too, or the cut would fall inside a residual block.
+    """
+    import keras
+
+    semantic, metric = thaw
+    names = {layer.name for layer in net.encoder.layers}
+    if semantic == 0 or f"fd_{metric:02d}" in names:
+        return None, net.whole
+    if f"sem_{semantic:02d}" not in names:
+        return net.encoder, net.decoder
+    cut = net.encoder.get_layer(f"sem_{semantic:02d}").input
+    image, outputs = net.encoder.inputs[0], list(net.encoder.outputs)
+    behind: list[int] = []
+    for index, output in enumerate(outputs):
+        try:
+            keras.Model(cut, output)
+            behind.append(index)
+        except ValueError:
+            continue  # made before the cut, or by the other encoder
+    if not behind:
+        return None, net.whole
+    before = [index for index in range(len(outputs)) if index not in behind]
+    front = keras.Model(image, [cut, *(outputs[index] for index in before)])
+    tail = keras.Model(cut, [outputs[index] for index in behind])
+    inputs = [keras.Input((f.shape[1], None, None)) for f in front.outputs]
+    features: list[Any] = [None] * len(outputs)
+    for index, tensor in zip(before, inputs[1:], strict=True):
+        features[index] = tensor
+    made = tail(inputs[0])
+    for index, tensor in zip(behind, made, strict=True):
+        features[index] = tensor
+    return front, keras.Model(inputs, net.decoder(features))
+
+
 def _decode(features: list[Tensor], config: DoorNetConfig) -> dict[str, Tensor]:
+    import keras
     from keras import layers, ops
 
-    top, semantic_16, semantic_8, semantic_4, metric_16, metric_8, metric_4, metres = features
+    top, semantic_16, semantic_8, semantic_4, metric_4, metres = features
 
     def conv(x: Tensor, filters: int, size: int | tuple[int, int] = 1, **options: Any) -> Tensor:
         x = layers.Conv2D(filters, size, padding="same", use_bias=False, **options)(x)
@@ -96,18 +144,24 @@ def _decode(features: list[Tensor], config: DoorNetConfig) -> dict[str, Tensor]:
         return layers.UpSampling2D(2, interpolation="bilinear")(x)
 
     join = layers.Concatenate(axis=1)
-    deep = conv(join([top, semantic_16, metric_16]), config.width_16)
+    deep = conv(join([top, semantic_16]), config.width_16)
     deep = separable(deep, config.width_16)
-    middle = conv(join([up(deep), semantic_8, metric_8]), config.width_8)
+    middle = conv(join([up(deep), semantic_8]), config.width_8)
     middle = separable(middle, config.width_8)
-    fine = conv(join([up(middle), semantic_4, metric_4]), config.width_4)
+    fine = conv(join([up(middle), semantic_4]), config.width_4)
     fine = separable(fine, config.width_4)
 
     segments = layers.Conv2D(len(SEGMENTS), 1, name="segments")(fine)
     floor = layers.Conv2D(1, 1, name="floor_head")(fine)
+    own = layers.Conv2D(
+        1, 1, bias_initializer=keras.initializers.Constant(math.log(_TYPICAL_M)), name="own_head"
+    )(fine)
     # the correction starts at zero: training begins at FastDepth's own answer
-    correction = layers.Conv2D(1, 1, kernel_initializer="zeros", name="depth_head")(fine)
-    depth = metres * (CANONICAL_F_PX / FASTDEPTH_F_PX) * ops.exp(up(correction))
+    near = separable(join([fine, metric_4]), config.width_4)
+    correction = layers.Conv2D(1, 1, kernel_initializer="zeros", name="depth_head")(near)
+    depth_own = ops.exp(up(own))
+    depth_scaled = metres * (CANONICAL_F_PX / FASTDEPTH_F_PX) * ops.exp(up(correction))
+    depth = ops.sqrt(depth_own * ops.maximum(depth_scaled, _NEAREST_M))
 
     # columns: rows pooled by attention, one softmax a head, and by maximum
     heads = config.attention_heads
@@ -151,6 +205,8 @@ def _decode(features: list[Tensor], config: DoorNetConfig) -> dict[str, Tensor]:
         "right": right,
         "clear": clear,
         "depth": depth[:, 0],
+        "depth_own": depth_own[:, 0],
+        "depth_scaled": depth_scaled[:, 0],
         "floor": floor[:, 0],
         "segments": segments,
     }

@@ -85,7 +85,11 @@ def all_losses(
     bce = functional.binary_cross_entropy_with_logits
     # a little smoothing: labels of open and closed are wrong in a few per cent
     p_open = bce(output["p_open"], target["p_open"] * 0.96 + 0.02, reduction="none")
-    plain, gradient = depth_loss(output["depth"], target["depth"], target["depth_weight"])
+    parts = [
+        depth_loss(output[name], target["depth"], target["depth_weight"])
+        for name in ("depth_own", "depth_scaled")
+    ]
+    plain, gradient = (sum(pair) / len(parts) for pair in zip(*parts, strict=True))
     clear = bce(output["clear"], target["clear"] * 0.94 + 0.03, reduction="none")
     share = target["segment_weight"][:, None, None]
     floor_known = (target["floor"] != 255).float() * share
