@@ -13,7 +13,12 @@ torch = pytest.importorskip("torch")
 os.environ["KERAS_BACKEND"] = "torch"  # before Keras is first imported
 keras = pytest.importorskip("keras")
 
-from doorway3ds.train.doornet import DoorNet, DoorNetConfig, build_doornet, split_at
+from doorway3ds.train.doornet import (  # noqa: E402
+    DoorNet,
+    DoorNetConfig,
+    build_doornet,
+    split_at,
+)
 
 pytestmark = pytest.mark.train
 
