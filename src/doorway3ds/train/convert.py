@@ -51,11 +51,11 @@ def write_onnx(name: str, model: Any, path: Path, metadata: dict[str, Any]) -> f
         return export(
             model,
             path,
-            (3, SIDE, SIDE),
-            "p_open",
+            [(3, SIDE, SIDE)],
+            ["p_open"],
             lambda logits: logits.sigmoid().reshape(-1),
             metadata,
             scale=255.0,
         )
     size = (3, densedepth.NYU.height, densedepth.NYU.width)
-    return export(model, path, size, "depth", lambda raw: raw, metadata)
+    return export(model, path, [size], ["depth"], lambda raw: raw, metadata)

@@ -171,8 +171,8 @@ def train_densedepth(
     card["parity"] = export(
         model,
         path,
-        (3, setting.height, setting.width),
-        "depth",
+        [(3, setting.height, setting.width)],
+        ["depth"],
         lambda raw: raw,
         {key: card[key] for key in ("name", "date", "initialised_from", "depth_error")}
         | {"farthest_m": setting.farthest_m},

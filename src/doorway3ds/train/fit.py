@@ -1,9 +1,10 @@
-"""Fits doornet: mixed sources in batches of one shape, two stages, averaged weights."""
+"""Fits doornet: mixed sources in batches of one shape, stages, averaged weights."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,18 @@ import numpy as np
 from doorway3ds.errors import UserError
 from doorway3ds.train.augment import AugmentConfig, Target, view
 from doorway3ds.train.doornet import DoorNet
+from doorway3ds.train.engine import ALONE, Team, device_of
+from doorway3ds.train.loop import Loop, LoopConfig, Row, Watcher
 from doorway3ds.train.losses import LossWeights, all_losses
+from doorway3ds.train.outcome import identity as digest_of
 from doorway3ds.train.samples import Sample
 
 _NONE = 99  # more convolutions than any encoder has
+_CLIP_NORM = 2.0
 LANDSCAPE, PORTRAIT, WIDE = (192, 256), (256, 192), (160, 288)
+
+Encode = Callable[[Any], list[Any]] | None
+"""(B, 3, h, w) to features; None: the network takes the picture itself."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +47,10 @@ class Stage:
 
 @dataclass(frozen=True)
 class FitConfig:
-    """What one training needs besides data."""
+    """What one training needs besides data.
+
+    patience: epochs without a better held-out loss after which a stage ends; 0: never.
+    """
 
     stages: tuple[Stage, ...]
     steps_per_epoch: int = 100
@@ -49,6 +60,7 @@ class FitConfig:
     open_share: float = 0.45  # share of pictures with an opening, within each source
     ema: float = 0.99
     seed: int = 1
+    patience: int = 0
 
 
 def collate(targets: Sequence[Target]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -60,6 +72,11 @@ def collate(targets: Sequence[Target]) -> tuple[np.ndarray, dict[str, np.ndarray
         for name in names
     }
     return image, labels
+
+
+def plain_shape(sample: Sample) -> tuple[int, int]:
+    """(h, w) of the plain view that a picture is judged by."""
+    return PORTRAIT if sample.image.shape[0] > sample.image.shape[1] else LANDSCAPE
 
 
 class Sampler:
@@ -77,19 +94,80 @@ class Sampler:
         weights = np.array([shares.get(name, 1.0) for name in self._pools], float)
         self._shares = weights / weights.sum()
 
-    def batch(self, step: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    def draw(self, step: int) -> list[tuple[Sample, Target]]:
         """Batch number `step`, the same for the same seed whatever came before."""
         rng = np.random.default_rng((self._config.seed, step))
         shape = (LANDSCAPE, PORTRAIT, WIDE)[rng.choice(3, p=[0.72, 0.2, 0.08])]
-        targets = []
+        drawn = []
         for _ in range(self._config.batch):
             name = list(self._pools)[rng.choice(len(self._pools), p=self._shares)]
             has_opening, has_none = self._pools[name]
             wanted = has_opening if rng.random() < self._config.open_share else has_none
             pool = wanted or has_opening or has_none
             sample = pool[rng.integers(len(pool))]
-            targets.append(view(sample, shape, rng, self._augment))
-        return collate(targets)
+            drawn.append((sample, view(sample, shape, rng, self._augment)))
+        return drawn
+
+    def batch(self, step: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """The same as arrays."""
+        return collate([target for _, target in self.draw(step)])
+
+
+class Drawn:
+    """What a stage learns from: the batches from number `first` on, `steps` an epoch.
+
+    Pictures are numbered through all batches. Each process of a team draws the whole batch, so
+    that all together see what one alone would, and takes its share.
+    """
+
+    def __init__(self, sampler: Sampler, batch: int, first: int, steps: int, encode: Encode):
+        self._sampler, self._batch, self._encode = sampler, batch, encode
+        self._first, self._steps = first, steps
+        self.names = _Names(sampler, batch)
+
+    def batches(self, epoch: int | None) -> list[list[int]]:
+        """Numbers of the pictures in each batch of an epoch of this stage."""
+        start = self._first + (epoch or 0) * self._steps
+        size = self._batch
+        return [list(range(n * size, (n + 1) * size)) for n in range(start, start + self._steps)]
+
+    def load(self, indices: Sequence[int], epoch: int | None) -> tuple[Any, Any]:
+        drawn = self._sampler.draw(indices[0] // self._batch)
+        image, target = collate([drawn[index % self._batch][1] for index in indices])
+        return (self._encode(image) if self._encode else image), target
+
+
+class _Names(Sequence[str]):
+    """Names of drawn pictures, found by drawing them again."""
+
+    def __init__(self, sampler: Sampler, batch: int) -> None:
+        self._sampler, self._batch = sampler, batch
+
+    def __len__(self) -> int:
+        return self._batch
+
+    def __getitem__(self, index: Any) -> Any:
+        return self._sampler.draw(index // self._batch)[index % self._batch][0].name
+
+
+class Held:
+    """Plain views of held-out pictures, in batches of one shape."""
+
+    def __init__(self, samples: Sequence[Sample], batch: int, encode: Encode) -> None:
+        self.names = [sample.name for sample in samples]
+        self._samples, self._batch, self._encode = samples, batch, encode
+
+    def batches(self, epoch: int | None) -> list[list[int]]:
+        found = []
+        for shape in (LANDSCAPE, PORTRAIT):
+            own = [k for k, sample in enumerate(self._samples) if plain_shape(sample) == shape]
+            found += [own[at : at + self._batch] for at in range(0, len(own), self._batch)]
+        return found
+
+    def load(self, indices: Sequence[int], epoch: int | None) -> tuple[Any, Any]:
+        samples = [self._samples[index] for index in indices]
+        image, target = collate([view(s, plain_shape(s), None) for s in samples])
+        return (self._encode(image) if self._encode else image), target
 
 
 def fit(
@@ -101,130 +179,113 @@ def fit(
     weights: LossWeights,
     folder: Path,
     resume: bool = False,
-) -> None:
-    """Trains `net` in place; logs to folder/log-N.csv, checkpoints to folder.
+    held: Sequence[Sample] = (),
+    half: bool = False,
+    identity: str = "",
+    watcher: Watcher | None = None,
+    team: Team = ALONE,
+) -> list[Row]:
+    """Trains `net` in place; one row of losses per epoch, stages one after the other.
 
-    The averaged weights are in the model, and in folder/stage-N.weights.h5, after each stage.
-    resume: stages whose file is there already are loaded, not trained.
+    The averaged weights are in the model, and in folder/stage-N.weights.h5, after each stage;
+    folder/stage-N.npz and .csv hold its checkpoint and losses after each epoch.
+
+    held: pictures of other places, whose losses are told and decide with `config.patience`.
+    resume: go on from the checkpoints in folder. identity: what else must be the same then.
     """
     import keras
-    import torch
-
-    from doorway3ds.train.export import OnnxEncoder
 
     folder.mkdir(parents=True, exist_ok=True)
     keras.utils.set_random_seed(config.seed)
     sampler = Sampler(samples, config, augment)
-
-    class Batches(keras.utils.PyDataset):  # type: ignore[misc]
-        def __init__(self, first: int, encode: Any) -> None:
-            super().__init__(workers=1, use_multiprocessing=False, max_queue_size=4)
-            self.first, self.encode = first, encode
-
-        def __len__(self) -> int:
-            return config.steps_per_epoch
-
-        def __getitem__(self, index: int) -> Any:
-            image, target = sampler.batch(self.first + index)
-            return (self.encode(image) if self.encode else image), target
-
-        def on_epoch_end(self) -> None:
-            self.first += config.steps_per_epoch
-
-    class Trainer(keras.Model):  # type: ignore[misc]
-        """The network with its losses; shows the mean of each loss over the epoch."""
-
-        def __init__(self, network: Any) -> None:
-            super().__init__()
-            self.network = network
-            self.means: dict[str, float] = {}
-            self.seen = 0
-
-        def call(self, inputs: Any, training: bool = False) -> Any:
-            return self.network(inputs, training=training)
-
-        def train_step(self, data: Any) -> dict[str, float]:
-            inputs, target = data
-            # this layout of memory makes convolutions 1.6 times as fast on a CPU
-            inputs = keras.tree.map_structure(
-                lambda x: x.contiguous(memory_format=torch.channels_last), inputs
-            )
-            self.zero_grad()
-            losses = all_losses(self(inputs, training=True), target, weights)
-            losses["loss"] = sum(losses.values())
-            losses["loss"].backward()
-            trainable = list(self.trainable_weights)
-            with torch.no_grad():
-                self.optimizer.apply([v.value.grad for v in trainable], trainable)
-            self.seen += 1
-            for name, value in losses.items():
-                before = self.means.get(name, 0.0)
-                self.means[name] = before + (float(value.detach()) - before) / self.seen
-            return dict(self.means)
-
-    class Average(keras.callbacks.Callback):  # type: ignore[misc]
-        """Exponential moving average of the weights, put into the network at the end."""
-
-        def on_train_begin(self, logs: Any = None) -> None:
-            self.weights = list(self.model.network.weights)
-            self.average = [w.value.detach().clone() for w in self.weights]
-            self.steps = 0
-
-        def on_epoch_begin(self, epoch: int, logs: Any = None) -> None:
-            self.model.means, self.model.seen = {}, 0
-
-        def on_train_batch_end(self, batch: int, logs: Any = None) -> None:
-            # short at first, so that the first, random weights leave no trace
-            self.steps += 1
-            decay = min(config.ema, self.steps / (self.steps + 10))
-            for mean, weight in zip(self.average, self.weights, strict=True):
-                mean.lerp_(weight.value.detach(), 1 - decay)
-
-        def on_train_end(self, logs: Any = None) -> None:
-            for mean, weight in zip(self.average, self.weights, strict=True):
-                weight.assign(mean)
-
-    step = 0
+    fixed = {**asdict(config), "patience": None, "stages": None}
+    same = [identity, fixed, asdict(augment), asdict(weights), sorted(s.name for s in samples)]
+    history: list[Row] = []
+    epochs = 0
     for number, stage in enumerate(config.stages):
-        checkpoint = folder / f"stage-{number}.weights.h5"
-        if resume and checkpoint.is_file():
-            net.whole.load_weights(checkpoint)
-            step += stage.epochs * config.steps_per_epoch
-            continue
-        for layer in net.encoder.layers:
-            prefix, _, rest = layer.name.partition("_")
-            if prefix in ("sem", "fd") and rest[:2].isdigit():
-                layer.trainable = int(rest[:2]) >= stage.thaw[prefix == "fd"]
-        total_steps = stage.epochs * config.steps_per_epoch
-        schedule = keras.optimizers.schedules.CosineDecay(
-            stage.learning_rate / 20,
-            total_steps,
-            warmup_target=stage.learning_rate,
-            warmup_steps=min(100, total_steps // 5),
-            alpha=0.02,
+        _thaw(net, stage)
+        # frozen encoders run in ONNX Runtime, which is three times as fast on a CPU
+        apart = stage.frozen and device_of(net.whole).type == "cpu"
+        encode = _frozen(net) if apart else None
+        stem = f"stage-{number}"
+        loop = Loop(
+            net.decoder if apart else net.whole,
+            functools.partial(_losses, weights=weights),
+            Drawn(
+                sampler,
+                config.batch,
+                epochs * config.steps_per_epoch,
+                config.steps_per_epoch,
+                encode,
+            ),
+            Held(held, config.batch, encode),
+            LoopConfig(
+                epochs=stage.epochs,
+                learning_rate=stage.learning_rate,
+                batch=config.batch,
+                seed=config.seed,
+                clip_norm=_CLIP_NORM,
+                patience=config.patience,
+                half=half,
+                ema=config.ema,
+                first=epochs,
+            ),
+            folder,
+            stem=stem,
+            identity=digest_of(same, [asdict(s) for s in config.stages[: number + 1]]),
+            optimizer=_optimizer(stage, config),
+            watcher=watcher,
+            team=team,
         )
-        optimizer = keras.optimizers.AdamW(
-            schedule, weight_decay=config.weight_decay, global_clipnorm=2.0
-        )
-        trainer = Trainer(net.decoder if stage.frozen else net.whole)
-        encode = OnnxEncoder(net.encoder) if stage.frozen else None
-        trainer.compile(optimizer=optimizer, jit_compile=False)
-        trainer.fit(
-            Batches(step, encode),
-            epochs=stage.epochs,
-            verbose=2,
-            callbacks=[
-                Average(),
-                keras.callbacks.CSVLogger(str(folder / f"log-{number}.csv")),
-                keras.callbacks.TerminateOnNaN(),
-            ],
-        )
-        if not all(bool(torch.isfinite(w.value).all()) for w in net.whole.weights):
-            raise UserError(
-                f"training diverged in stage {number + 1}: weights are no numbers; lower its "
-                "learning_rate. Earlier stages' weights are untouched"
-            )
-        step += total_steps
-        partial = folder / f"part-{number}.weights.h5"
+        history += loop.run(resume)
+        epochs += stage.epochs
+        path = folder / f"{stem}.weights.h5"
+        if team.leads and (loop.learned or not path.is_file()):
+            _save(net, path)
+    return history
+
+
+def _thaw(net: DoorNet, stage: Stage) -> None:
+    for layer in net.encoder.layers:
+        prefix, _, rest = layer.name.partition("_")
+        if prefix in ("sem", "fd") and rest[:2].isdigit():
+            layer.trainable = int(rest[:2]) >= stage.thaw[prefix == "fd"]
+
+
+def _frozen(net: DoorNet) -> Encode:
+    from doorway3ds.train.export import OnnxEncoder
+
+    return OnnxEncoder(net.encoder)
+
+
+def _optimizer(stage: Stage, config: FitConfig) -> Any:
+    """AdamW; the rate warms up, then falls along a cosine to a fiftieth."""
+    import keras
+
+    steps = stage.epochs * config.steps_per_epoch
+    schedule = keras.optimizers.schedules.CosineDecay(
+        stage.learning_rate / 20,
+        steps,
+        warmup_target=stage.learning_rate,
+        warmup_steps=min(100, steps // 5),
+        alpha=0.02,
+    )
+    return keras.optimizers.AdamW(schedule, weight_decay=config.weight_decay)
+
+
+def _losses(
+    output: Mapping[str, Any], target: Mapping[str, Any], weights: LossWeights
+) -> dict[str, Any]:
+    """All losses in 32 bits, and their sum."""
+    found = all_losses({name: value.float() for name, value in output.items()}, target, weights)
+    return {**found, "loss": sum(found.values())}
+
+
+def _save(net: DoorNet, path: Path) -> None:
+    partial = path.with_name(f"part-{path.name}")
+    try:
         net.whole.save_weights(partial)
-        partial.replace(checkpoint)
+        partial.replace(path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise UserError(f"cannot write {path}: {error.strerror or error}") from error

@@ -1,7 +1,7 @@
-"""The training loop of the paper's networks: epochs, checkpoints, early stopping, Ctrl-C.
+"""The training loop of all networks: epochs, checkpoints, early stopping, Ctrl-C.
 
 A training that is stopped and resumed ends with the weights of one that was not: the order of
-pictures and their augmentation follow from seed and epoch alone.
+pictures, their augmentation and dropout follow from seed, epoch and step alone.
 """
 
 from __future__ import annotations
@@ -12,17 +12,19 @@ import math
 import signal
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from doorway3ds.errors import UserError
 from doorway3ds.files import write_bytes
 from doorway3ds.train import checkpoint
+from doorway3ds.train.average import Average
 from doorway3ds.train.engine import ALONE, Team, device_of
+from doorway3ds.train.prefetch import ahead
 
 Row = dict[str, float]
 Losses = Callable[[Any, Any], Mapping[str, Any]]
@@ -32,14 +34,24 @@ Losses = Callable[[Any, Any], Mapping[str, Any]]
 class Data(Protocol):
     """What is learned from: numbered pictures with their targets.
 
-    load gives arrays of equal first axis. epoch: what augmentation may depend on, with the
-    index; None means none.
+    load gives inputs and targets: arrays, lists or dicts of arrays, of equal first axis. It runs
+    in a thread. epoch: what augmentation may depend on, with the index; None means none.
     """
 
     @property
     def names(self) -> Sequence[str]: ...
 
     def load(self, indices: Sequence[int], epoch: int | None) -> tuple[Any, Any]: ...
+
+
+@runtime_checkable
+class Planned(Data, Protocol):
+    """Data that say themselves which pictures make up the batches of an epoch.
+
+    Others are taken in an order drawn from seed and epoch, or with epoch None as they come.
+    """
+
+    def batches(self, epoch: int | None) -> list[list[int]]: ...
 
 
 class Watcher(Protocol):
@@ -54,7 +66,9 @@ class Watcher(Protocol):
 class LoopConfig:
     """patience: epochs without a better validation loss before stopping; 0 = never, and the
     last weights are kept rather than the best. clip_norm: of all gradients together.
-    half: compute in bfloat16, weights stay float32.
+    half: compute in bfloat16, weights stay float32. ema: decay per step of the moving average
+    that is validated and kept; 0 = the weights themselves. first: epochs done before this loop,
+    for counting on.
     """
 
     epochs: int
@@ -65,6 +79,8 @@ class LoopConfig:
     patience: int = 0
     amsgrad: bool = False
     half: bool = False
+    ema: float = 0.0
+    first: int = 0
 
 
 @dataclass
@@ -83,6 +99,7 @@ class Loop:
     """Trains a Keras model on `train`, in folder/`stem`.npz and folder/`stem`.csv.
 
     identity: what must be the same for a resumed training (data, network, settings).
+    optimizer: a Keras one; Adam by the config where none is given.
     """
 
     def __init__(
@@ -96,6 +113,7 @@ class Loop:
         *,
         stem: str = "checkpoint",
         identity: str = "",
+        optimizer: Any = None,
         watcher: Watcher | None = None,
         team: Team = ALONE,
     ) -> None:
@@ -109,9 +127,15 @@ class Loop:
         self.best = folder / f"{stem}-best.npz"
         self.log = folder / f"{stem}.csv"
         self.identity = f"{identity} {config.seed} {config.batch} {config.learning_rate}"
-        self.optimizer = keras.optimizers.Adam(config.learning_rate, amsgrad=config.amsgrad)
+        self.optimizer = optimizer or keras.optimizers.Adam(
+            config.learning_rate, amsgrad=config.amsgrad
+        )
         self.learns = list(model.trainable_variables)
         self.optimizer.build(self.learns)
+        weights = {id(weight) for weight in model.weights}
+        self._noise = [v for v in model.variables if id(v) not in weights]
+        self._average: Average | None = None
+        self.learned = False  # whether this process's run took any step
         self._interrupted = False
 
     def run(self, resume: bool = False) -> list[Row]:
@@ -122,66 +146,88 @@ class Loop:
         Raises UserError where a loss or gradient is not finite, naming the batch, and where the
         checkpoint belongs to another training. KeyboardInterrupt comes after the checkpoint.
         """
+        if self.config.ema and self.team.leads:
+            self._average = Average(self.model.weights, self.config.ema)
         goes_on = resume and self.team.leads and self.checkpoint.is_file()
         state: _Run = self.team.told(self._restore() if goes_on else _Run())
         self.team.align([*self.model.weights, *self.optimizer.variables])
         with self._watch_interrupt():
             while state.epoch < self.config.epochs and not self._should_stop(state):
                 self._one_epoch(state)
-        if self.config.patience:
-            if self.team.leads and state.history:
-                arrays, _ = checkpoint.load(self.best)
-                self._put("w", self.model.weights, arrays, self.best)
-            self.team.align(self.model.weights)
+        if self._average:
+            self._average.put()
+        if self.config.patience and self.team.leads and state.history:
+            arrays, _ = checkpoint.load(self.best)
+            self._put("w", self.model.weights, arrays, self.best)
+        self.team.align(self.model.weights)
         return state.history
 
     def _one_epoch(self, state: _Run) -> None:
-        order = np.random.default_rng((self.config.seed, state.epoch)).permutation(
-            len(self.train.names)
-        )
-        size = self.config.batch
-        batches = [order[at : at + size].tolist() for at in range(0, len(order), size)]
-        while state.step < len(batches):
-            indices = batches[state.step]
-            for name, value in self._learn(indices, state.epoch, state.step).items():
-                state.sums[name] = state.sums.get(name, 0.0) + value * len(indices)
-            state.step += 1
-            if self.watcher and self.team.leads:
-                seen = min(state.step * size, len(order))
-                means = {name: total / seen for name, total in state.sums.items()}
-                self.watcher.batch(state.epoch + 1, state.step, len(batches), means)
-            if self._anybody_interrupted():
-                self._store(state)
-                raise KeyboardInterrupt
-        row: Row = {"epoch": state.epoch + 1}
-        row |= {name: total / len(order) for name, total in state.sums.items()}
-        if self.held.names:
-            told = self.validate() if self.team.leads else {}
-            row |= {f"val_{name}": value for name, value in self.team.told(told).items()}
-        state.history.append(row)
-        state.epoch, state.step, state.sums = state.epoch + 1, 0, {}
-        judged = row.get("val_loss", row["loss"])
-        if judged < state.best:
-            state.best, state.best_epoch = judged, state.epoch
-            if self.config.patience and self.team.leads:
-                checkpoint.save(self.best, _numbered("w", self.model.weights), {})
+        epoch, number = state.epoch, self.config.first + state.epoch + 1
+        batches = self._batches(self.train, epoch)
+
+        def load(indices: list[int]) -> tuple[Any, Any] | None:
+            own = self.team.share(indices)
+            return self.train.load(own, epoch) if own else None
+
+        seen = sum(len(batch) for batch in batches[: state.step])
+        with closing(ahead(load, batches[state.step :])) as loads:
+            for loaded in loads:
+                indices = batches[state.step]
+                for name, value in self._learn(indices, loaded, number, state.step).items():
+                    state.sums[name] = state.sums.get(name, 0.0) + value * len(indices)
+                state.step += 1
+                seen += len(indices)
+                if self.watcher and self.team.leads:
+                    means = {name: total / seen for name, total in state.sums.items()}
+                    self.watcher.batch(number, state.step, len(batches), means)
+                if self._anybody_interrupted():
+                    self._store(state)
+                    raise KeyboardInterrupt
+        row: Row = {"epoch": number}
+        row |= {name: total / seen for name, total in state.sums.items()}
+        with self._average.shown() if self._average else nullcontext():
+            if self.held.names:
+                told = self.validate() if self.team.leads else {}
+                row |= {f"val_{name}": value for name, value in self.team.told(told).items()}
+            state.history.append(row)
+            state.epoch, state.step, state.sums = state.epoch + 1, 0, {}
+            judged = row.get("val_loss", row["loss"])
+            if judged < state.best:
+                state.best, state.best_epoch = judged, state.epoch
+                if self.config.patience and self.team.leads:
+                    checkpoint.save(self.best, _numbered("w", self.model.weights), {})
         self._store(state)
         if self.watcher and self.team.leads:
             self.watcher.epoch(row)
 
-    def _learn(self, indices: list[int], epoch: int, step: int) -> Row:
-        """One batch: losses, gradients clipped together, one step of the optimizer."""
+    def _batches(self, data: Data, epoch: int | None) -> list[list[int]]:
+        if isinstance(data, Planned):
+            return data.batches(epoch)
+        count, size = len(data.names), self.config.batch
+        order = np.arange(count)
+        if epoch is not None:
+            order = np.random.default_rng((self.config.seed, epoch)).permutation(count)
+        return [order[at : at + size].tolist() for at in range(0, count, size)]
+
+    def _learn(
+        self, indices: list[int], loaded: tuple[Any, Any] | None, epoch: int, step: int
+    ) -> Row:
+        """One batch: losses, gradients clipped together, one step of the optimizer.
+
+        loaded: this process's share of it, None where that is empty. epoch: counted from 1.
+        """
         import torch
 
-        own = self.team.share(indices)
         self.model.zero_grad()
+        self._seed_noise(epoch, step)
         found: dict[str, Any] = {}
-        if own:
-            image, target = self._tensors(self.train.load(own, epoch))
-            with self._precision(image):
-                output = self.model(image, training=True)
+        if loaded:
+            inputs, target = self._tensors(loaded)
+            with self._precision():
+                output = self.model(inputs, training=True)
             found = dict(self.losses(output, target))
-            weight = len(own) / len(indices)
+            weight = len(self.team.share(indices)) / len(indices)
             (found["loss"] * weight).backward()
         grads = [
             v.value.grad if v.value.grad is not None else torch.zeros_like(v.value)
@@ -189,16 +235,19 @@ class Loop:
         ]
         self.team.add_up(grads)
         norm = torch.linalg.vector_norm(torch.stack([torch.linalg.vector_norm(g) for g in grads]))
-        if not torch.isfinite(norm) or (own and not torch.isfinite(found["loss"])):
+        if not torch.isfinite(norm) or (found and not torch.isfinite(found["loss"])):
             names = ", ".join(self.train.names[i] for i in indices)
             raise UserError(
-                f"training stopped: loss or gradient is not finite in epoch {epoch + 1}, "
-                f"batch {step + 1} ({names}); look at these pictures or lower --learning-rate; "
+                f"training stopped: loss or gradient is not finite in epoch {epoch}, "
+                f"batch {step + 1} ({names}); look at these pictures or lower the learning rate; "
                 f"the last checkpoint is from before"
             )
         scale = min(1.0, self.config.clip_norm / max(float(norm), 1e-12))
         with torch.no_grad():
             self.optimizer.apply([g * scale for g in grads], self.learns)
+        self.learned = True
+        if self._average:
+            self._average.follow(int(self.optimizer.iterations.value))
         return {name: float(value.detach()) for name, value in found.items()}
 
     def validate(self) -> Row:
@@ -206,27 +255,50 @@ class Loop:
         import torch
 
         sums: Row = {}
-        count = len(self.held.names)
-        for at in range(0, count, self.config.batch):
-            indices = list(range(at, min(at + self.config.batch, count)))
-            image, target = self._tensors(self.held.load(indices, None))
-            with torch.no_grad(), self._precision(image):
-                output = self.model(image, training=False)
-            for name, value in self.losses(output, target).items():
-                sums[name] = sums.get(name, 0.0) + float(value) * len(indices)
+        count = 0
+        batches = self._batches(self.held, None)
+        with closing(ahead(lambda indices: self.held.load(indices, None), batches)) as loads:
+            for indices, loaded in zip(batches, loads, strict=True):
+                inputs, target = self._tensors(loaded)
+                with torch.no_grad(), self._precision():
+                    output = self.model(inputs, training=False)
+                for name, value in self.losses(output, target).items():
+                    sums[name] = sums.get(name, 0.0) + float(value) * len(indices)
+                count += len(indices)
         return {name: total / count for name, total in sums.items()}
 
     def _tensors(self, arrays: tuple[Any, Any]) -> tuple[Any, Any]:
+        import keras
         import torch
 
         device = device_of(self.model)
-        image, target = (torch.from_numpy(np.ascontiguousarray(a)).to(device) for a in arrays)
-        return image, target
 
-    def _precision(self, image: Any) -> Any:
+        def tensor(array: Any) -> Any:
+            return torch.from_numpy(np.ascontiguousarray(array)).to(device)
+
+        def laid_out(value: Any) -> Any:
+            # this layout of memory makes convolutions faster: 1.6 times doornet's on a CPU
+            layout = torch.channels_last if value.ndim == 4 else torch.contiguous_format
+            return value.contiguous(memory_format=layout)
+
+        inputs, target = keras.tree.map_structure(tensor, arrays)
+        return keras.tree.map_structure(laid_out, inputs), target
+
+    def _seed_noise(self, epoch: int, step: int) -> None:
+        """Dropout follows from seed, epoch, step and process, whatever was drawn before."""
         import torch
 
-        return torch.autocast(image.device.type, torch.bfloat16, enabled=self.config.half)
+        parts = (self.config.seed, epoch, step, self.team.rank)
+        first, *others = np.random.SeedSequence(parts).generate_state(1 + len(self._noise))
+        torch.manual_seed(int(first))
+        for state, seed in zip(self._noise, others, strict=True):
+            state.assign([int(seed) >> 1, 0])  # as Keras makes its own: below 2**31
+
+    def _precision(self) -> Any:
+        import torch
+
+        device = device_of(self.model).type
+        return torch.autocast(device, torch.bfloat16, enabled=self.config.half)
 
     def _should_stop(self, state: _Run) -> bool:
         waited = state.epoch - state.best_epoch
@@ -236,6 +308,8 @@ class Loop:
         if not self.team.leads:
             return
         arrays = _numbered("w", self.model.weights) | _numbered("o", self.optimizer.variables)
+        if self._average:
+            arrays |= {f"a{n}": mean.cpu().numpy() for n, mean in enumerate(self._average.means)}
         told = {**vars(state), "identity": self.identity}
         checkpoint.save(self.checkpoint, arrays, told)
         if state.history:
@@ -250,11 +324,15 @@ class Loop:
         arrays, state = checkpoint.load(self.checkpoint)
         if state.pop("identity", None) != self.identity:
             raise UserError(
-                f"the checkpoint {self.checkpoint} is of another training (data, network, seed, "
-                f"batch or learning rate differ); use another --out, or leave --resume out"
+                f"the checkpoint {self.checkpoint} is of another training (data, network or "
+                f"settings differ); use another --out, or leave --resume out"
             )
         self._put("w", self.model.weights, arrays, self.checkpoint)
         self._put("o", self.optimizer.variables, arrays, self.checkpoint)
+        if self._average:
+            with self._average.shown():
+                self._put("a", self.model.weights, arrays, self.checkpoint)
+                self._average.take()
         return _Run(**state)
 
     def _put(self, letter: str, variables: Sequence[Any], arrays: Any, path: Path) -> None:
