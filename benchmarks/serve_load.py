@@ -2,8 +2,8 @@
 
 python benchmarks/serve_load.py start              cold start to the first decision
 python benchmarks/serve_load.py load               one client, eight at once, and too many
-python benchmarks/serve_load.py malformed          10,000 damaged pictures and requests
-python benchmarks/serve_load.py soak VIDEO         decisions a second and memory over time
+python benchmarks/serve_load.py soak [VIDEO]       decisions a second and memory over time, as
+                                                   JSON and a plot beside it (--out)
 """
 
 from __future__ import annotations
@@ -11,24 +11,24 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-import random
 import re
-import socket
 import statistics
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
+from datetime import datetime
 from pathlib import Path
-from urllib.parse import urlsplit
 
 import httpx
+from rss import mb_per_hour, plot
 
-from doorway3ds.benchmark import machine, made_up_jpeg
+from doorway3ds.benchmark import machine, made_up_film, made_up_jpeg
 
-_START_LIMIT_S = 120
+RESULTS = Path(__file__).parent / "results"
 
 
 @contextlib.contextmanager
@@ -108,104 +108,41 @@ def _post_many(
     return spent, statuses
 
 
-def malformed(arguments: list[str], count: int) -> dict[str, object]:
-    """Damaged pictures, bodies, heads and fields; the server must answer all and live on."""
-    jpeg, rng = made_up_jpeg(160, 120), random.Random(0)
-    statuses: Counter[str] = Counter()
-    kinds = (_damaged_picture, _wrong_field, _damaged_multipart, _damaged_http, _hang_up)
-    with serving(*arguments) as (process, url):
-        before = resident_mb(process.pid)
-        with httpx.Client(base_url=url, timeout=60) as client:
-            for number in range(count):
-                kind = kinds[number % len(kinds)]
-                statuses[f"{kind.__name__[1:]} {kind(client, url, jpeg, rng)}"] += 1
-            after = client.post("/v1/decide", content=jpeg).status_code
-            health = client.get("/healthz").json()
-        memory = resident_mb(process.pid)
-    return {
-        "statuses": dict(sorted(statuses.items())),
-        "bugs": sum(n for name, n in statuses.items() if name.endswith(" 500")),
-        "after": after,
-        "in_flight": health["in_flight"],
-        "resident_mb": [round(before, 1), round(memory, 1)],
-    }
-
-
-def _damaged_picture(client: httpx.Client, url: str, jpeg: bytes, rng: random.Random) -> object:
-    data = bytearray(jpeg)
-    for _ in range(rng.randint(1, 30)):
-        data[rng.randrange(len(data))] = rng.randrange(256)
-    if rng.random() < 0.4:
-        del data[rng.randrange(len(data)) :]
-    return client.post("/v1/decide?view=true", content=bytes(data)).status_code
-
-
-def _wrong_field(client: httpx.Client, url: str, jpeg: bytes, rng: random.Random) -> object:
-    name = rng.choice(("method", "network", "camera", "fov_deg", "height_m", "view", "x" * 9))
-    value = rng.choice(("", "nan", "-1e309", "\x00", "../../etc/passwd", "9" * 200, "é☃\ud83d"))
-    query = {name: value.encode("utf-8", "replace")}
-    return client.post("/v1/decide", params=query, content=jpeg).status_code
-
-
-def _damaged_multipart(client: httpx.Client, url: str, jpeg: bytes, rng: random.Random) -> object:
-    body = bytearray(
-        b'--x\r\nContent-Disposition: form-data; name="image"; filename="a.jpg"\r\n\r\n'
-        + jpeg[:500]
-        + b'\r\n--x\r\nContent-Disposition: form-data; name="method"\r\n\r\npaper\r\n--x--\r\n'
-    )
-    for _ in range(rng.randint(1, 12)):
-        body[rng.randrange(len(body))] = rng.randrange(256)
-    kind = rng.choice(("multipart/form-data; boundary=x", "multipart/form-data", "multipart/x"))
-    answer = client.post("/v1/decide", content=bytes(body), headers={"Content-Type": kind})
-    return answer.status_code
-
-
-def _raw(url: str, data: bytes, wait: bool) -> object:
-    parts = urlsplit(url)
-    with socket.create_connection((parts.hostname, parts.port), timeout=30) as raw:
-        raw.sendall(data)
-        if not wait:
-            return "gone"
-        raw.shutdown(socket.SHUT_WR)
-        with contextlib.suppress(ConnectionResetError):
-            return raw.recv(65536)[9:12].decode("latin-1") or "closed"
-    return "reset"
-
-
-def _damaged_http(client: httpx.Client, url: str, jpeg: bytes, rng: random.Random) -> object:
-    data = bytearray(_head(url, 10) + b"x" * 10)
-    for _ in range(rng.randint(1, 8)):
-        data[rng.randrange(len(data))] = rng.randrange(256)
-    return _raw(url, bytes(data), wait=True)
-
-
-def _hang_up(client: httpx.Client, url: str, jpeg: bytes, rng: random.Random) -> object:
-    return _raw(url, _head(url, len(jpeg)) + jpeg[: rng.randrange(len(jpeg) + 1)], wait=False)
-
-
-def _head(url: str, length: int) -> bytes:
-    host = urlsplit(url).netloc
-    head = f"POST /v1/decide HTTP/1.1\r\nHost: {host}\r\nContent-Length: {length}\r\n\r\n"
-    return head.encode()
-
-
-def soak(arguments: list[str], video: str, minutes: float) -> dict[str, object]:
+def soak(arguments: list[str], video: str | None, minutes: float) -> dict[str, object]:
     """A video in a loop, nobody watching: decisions a second and memory, sampled each second."""
     rows: list[tuple[float, float, float]] = []
-    with serving(video, "--loop", *arguments) as (process, url), httpx.Client(timeout=30) as client:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        serving(video or _film(folder), "--loop", *arguments) as (process, url),
+        httpx.Client(timeout=30) as client,
+    ):
         begin, first = time.monotonic(), _frames(client, url)
         while (elapsed := time.monotonic() - begin) < 60 * minutes:
             time.sleep(1)
             rows.append((elapsed, _frames(client, url) - first, resident_mb(process.pid)))
-    memory = [row[2] for row in rows]
+    seconds, decisions, memory = (list(column) for column in zip(*rows, strict=True))
     half = len(memory) // 2
     return {
         "minutes": minutes,
-        "decisions_per_s": round(rows[-1][1] / rows[-1][0], 2),
+        "decisions_per_s": round(decisions[-1] / seconds[-1], 2),
         "resident_mb_first_half": round(statistics.median(memory[:half]), 1),
         "resident_mb_second_half": round(statistics.median(memory[half:]), 1),
+        "mb_per_hour_second_half": round(mb_per_hour(seconds, memory), 2),
         "samples": [[round(value, 2) for value in row] for row in rows],
     }
+
+
+def _film(folder: str) -> str:
+    return str(made_up_film(Path(folder, "film.mp4"), 60.0))
+
+
+def _keep(result: dict[str, object], out: Path) -> None:
+    """The soak's numbers and the plot of its memory."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    seconds, _, memory = zip(*result.pop("samples"), strict=True)  # type: ignore[call-overload]
+    label = f"{result['decisions_per_s']:.0f} decisions/s, page closed"
+    plot(out.with_suffix(".png"), "3ds serve VIDEO", {label: (seconds, memory)})
 
 
 def _frames(client: httpx.Client, url: str) -> float:
@@ -223,24 +160,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument("what", choices=("start", "load", "malformed", "soak"))
-    parser.add_argument("video", nargs="?", help="for soak")
+    parser.add_argument("what", choices=("start", "load", "soak"))
+    parser.add_argument("video", nargs="?", help="for soak; default: a made-up film")
     parser.add_argument("--network", default="doornet")
     parser.add_argument("--repeat", type=int, default=100, help="requests of each client; starts")
-    parser.add_argument("--count", type=int, default=10_000, help="malformed requests")
     parser.add_argument("--minutes", type=float, default=30, help="of the soak")
+    parser.add_argument("--out", type=Path, default=RESULTS / "soak_serve.json", help="of the soak")
     given = parser.parse_args()
     arguments = ["--network", given.network]
     if given.what == "soak":
-        if given.video is None:
-            parser.error("soak needs a video")
         result = soak(arguments, given.video, given.minutes)
-    elif given.what == "malformed":
-        result = malformed(arguments, given.count)
     else:
         measure = start if given.what == "start" else load
         result = measure(arguments, min(given.repeat, 10) if measure is start else given.repeat)
-    print(json.dumps({"what": given.what, "machine": machine(None), **result}, indent=1))
+    date = datetime.now().astimezone().isoformat(timespec="seconds")
+    result = {"what": given.what, "date": date, "machine": machine(None), **result}
+    if given.what == "soak":
+        _keep(result, given.out)
+    print(json.dumps(result, indent=1))
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rss import mb_per_hour, plot
 
 from doorway3ds.benchmark import machine, made_up_film
 from doorway3ds.feed import Feed
@@ -68,7 +69,17 @@ def main() -> None:
             f"{part['rss_mb'][-1]:.0f} MB, {part['mb_per_hour']:+.1f} MB an hour in the second "
             f"half"
         )
-    plot(report, given.out.with_suffix(".png"))
+    plot(
+        given.out.with_suffix(".png"),
+        f"3ds live, {report['network']}",
+        {
+            f"{name}, {report[name]['per_s']:.0f} decisions/s": (
+                report[name]["at_s"],
+                report[name]["rss_mb"],
+            )
+            for name in ("fast", "paced")
+        },
+    )
     print(f"written to {given.out}")
 
 
@@ -77,7 +88,7 @@ def soak(uri: str, pipeline: Pipeline, seconds: float, pace: bool) -> dict[str, 
     tracker = Tracker()
     times: list[float] = []
     rss: list[float] = []
-    took: list[float] = []
+    took = np.full(100_000, np.nan)  # of fixed size: nothing here may grow with the hours
     every = max(seconds / 100, 1.0)
 
     def see(frame: Frame, name: str) -> tuple[Frame, str, Perception]:
@@ -103,22 +114,18 @@ def soak(uri: str, pipeline: Pipeline, seconds: float, pace: bool) -> dict[str, 
             tracked = tracker.update(pipeline.conclude(frame, perception))
             line = {**tracked.raw.to_dict(name), "tracked": tracked.to_dict()}
             sink.write(json.dumps(line) + "\n")
+            spent = (time.perf_counter() - begun) * 1e3
+            took[decisions % took.size] = spent + sum(perception.timings_ms.values())
             decisions += 1
-            # Enough for the quantiles, and no list that grows with the hours.
-            if len(took) < 100_000:
-                spent = (time.perf_counter() - begun) * 1e3
-                took.append(spent + sum(perception.timings_ms.values()))
         seconds = time.monotonic() - start
         skipped = source.skipped
-    settled = len(times) // 2
-    slope = float(np.polyfit(times[settled:], rss[settled:], 1)[0]) if len(times) > 9 else 0.0
     return {
         "per_s": decisions / seconds,
         "decisions": decisions,
         "skipped": skipped,
-        "median_ms": float(np.median(took)),
-        "p95_ms": float(np.quantile(took, 0.95)),
-        "mb_per_hour": slope * 3600,
+        "median_ms": float(np.nanmedian(took)),
+        "p95_ms": float(np.nanquantile(took, 0.95)),
+        "mb_per_hour": mb_per_hour(times, rss),
         "at_s": times,
         "rss_mb": rss,
     }
@@ -128,24 +135,6 @@ def resident_mb() -> float:
     """Of this process, by Linux's /proc."""
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
-
-
-def plot(report: dict[str, Any], path: Path) -> None:
-    try:
-        import matplotlib.pyplot as plt
-    except ModuleNotFoundError:
-        print("no plot: pip install 'doorway3ds[report]'")
-        return
-    figure, axes = plt.subplots(figsize=(8, 3.5), layout="constrained")
-    for name in ("fast", "paced"):
-        part = report[name]
-        minutes = np.array(part["at_s"]) / 60
-        axes.plot(minutes, part["rss_mb"], label=f"{name}, {part['per_s']:.0f} decisions/s")
-    axes.set(xlabel="minutes", ylabel="RSS in MB", title=f"3ds live, {report['network']}")
-    axes.set_ylim(bottom=0)
-    axes.legend(frameon=False)
-    axes.spines[["top", "right"]].set_visible(False)
-    figure.savefig(path, dpi=120)
 
 
 if __name__ == "__main__":

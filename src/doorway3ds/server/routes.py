@@ -229,7 +229,7 @@ async def newest_decision(hall: SharedHall) -> Response:
 @router.put(
     "/v1/source",
     response_model=schemas.SourceAnswer,
-    responses=schemas.errors(*_ALWAYS, 404, 408, 413, 422),
+    responses=schemas.errors(400, *_ALWAYS, 404, 408, 413, 422),
     summary="Decide on the source by other settings",
 )
 async def change_source(hall: SharedHall, fields: Annotated[Fields, Body()]) -> Response:
