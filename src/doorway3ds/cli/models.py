@@ -114,7 +114,9 @@ def _row(name: str) -> dict[str, Any]:
 
 def _text(row: dict[str, Any]) -> str:
     """A few lines for people."""
-    lines = [f"{row['name']:<12}{row['about']}: {', '.join(row['gives'])}"]
+    about = f"{row['about']}: {', '.join(row['gives'])}"
+    fits = len(row["name"]) < 12
+    lines = [f"{row['name']:<12}{about}"] if fits else [row["name"], about]
     if row["state"] == "here":
         lines.append(f"here, {row['size_mb']} MB, SHA-256 {row['sha256'][:12]}: {row['file']}")
     else:
