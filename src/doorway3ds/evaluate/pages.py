@@ -26,6 +26,13 @@ INTERVALS = (
     ", but those named Wilson, which take pictures as independent."
 )
 
+DEPTH_NOTE = (
+    "Sheets: picture, true depth; predicted depth on the same scale, relative error (white "
+    "from 50 % on). Depth is compared at the truth's size, predictions resized bilinearly "
+    "and clipped to the limits; pixels whose truth is unknown or at the upper limit are "
+    "left out. A value is the mean over pictures unless it says pooled."
+)
+
 
 def direction_table(scored: Mapping[Label, DirectionMetrics]) -> Table:
     rows = [
@@ -172,7 +179,7 @@ def classifier_table(scored: Mapping[str, ClassifierMetrics]) -> Table:
 
 def add_classifier_pictures(
     report: Report,
-    samples: Mapping[str, Sample],
+    samples: Mapping[str, Sample | NDArray[np.uint8]],
     records: Mapping[str, Sequence[ClassifierRecord]],
     scored: Mapping[str, ClassifierMetrics],
 ) -> None:
@@ -230,21 +237,16 @@ def add_depth_pictures(
     )
     for number, (name, cases) in enumerate(worst.items(), 1):
         tiles = [
-            sheets.depth_tile(
-                sample,
-                predicted,
-                f"{sample.name}: delta1 {r.errors.delta1:.2f}, RMSE {r.errors.rmse:.2f} m",
-            )
-            for sample, predicted, r in cases
+            sheets.depth_tile(sample, predicted, depth_caption(r)) for sample, predicted, r in cases
         ]
         report.add_sheet(f"worst-{number}", f"Worst of {name}", sheets.contact_sheet(tiles))
     report.notes.append(INTERVALS)
-    report.notes.append(
-        "Sheets: picture, true depth; predicted depth on the same scale, relative error (white "
-        "from 50 % on). Depth is compared at the truth's size, predictions resized bilinearly "
-        "and clipped to the limits; pixels whose truth is unknown or at the upper limit are "
-        "left out. A value is the mean over pictures unless it says pooled."
-    )
+    report.notes.append(DEPTH_NOTE)
+
+
+def depth_caption(record: DepthRecord) -> str:
+    errors = record.errors
+    return f"{record.image}: delta1 {errors.delta1:.2f}, RMSE {errors.rmse:.2f} m"
 
 
 def _cells(columns: Sequence[ClassifierMetrics], name: str, unit: str) -> list[str]:

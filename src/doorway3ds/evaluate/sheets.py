@@ -88,16 +88,22 @@ def direction_tile(sample: Sample, record: DirectionRecord, outcome: Outcome) ->
 
 def depth_tile(sample: Sample, predicted_m: NDArray[np.float32], caption: str) -> Tile:
     """Picture, true depth, predicted depth and relative error side by side."""
-    frame = load_frame(sample)
     truth = load_depth(sample)
     if truth is None:
         raise ValueError(f"{sample.name} has no true depth to draw")
+    return depth_panels(load_frame(sample).image, truth, predicted_m, caption)
+
+
+def depth_panels(
+    image: Image, truth: NDArray[np.float32], predicted_m: NDArray[np.float32], caption: str
+) -> Tile:
+    """The same of a picture (H, W, 3) and maps in metres at sizes of their own, nan unknown."""
     predicted = resize_map(predicted_m, *truth.shape)
     limit = float(np.nanquantile(truth, 0.98))
     with np.errstate(invalid="ignore"):
         error = np.abs(predicted - truth) / truth / 0.5  # white from 50 % on
     maps = [truth / limit, predicted / limit]
-    panels = [frame.image, *[_painted(m, cv2.COLORMAP_TURBO) for m in maps]]
+    panels = [image, *[_painted(m, cv2.COLORMAP_TURBO) for m in maps]]
     panels.append(_painted(error, cv2.COLORMAP_HOT))
     small = [_scaled(panel)[0] for panel in panels]
     height = min(panel.shape[0] for panel in small)
@@ -105,9 +111,10 @@ def depth_tile(sample: Sample, predicted_m: NDArray[np.float32], caption: str) -
     return Tile(np.vstack(rows), caption)
 
 
-def picture_tile(sample: Sample, caption: str) -> Tile:
-    """The picture alone."""
-    return Tile(load_frame(sample).image, caption)
+def picture_tile(sample: Sample | Image, caption: str) -> Tile:
+    """The picture alone, read or at hand."""
+    image = load_frame(sample).image if isinstance(sample, Sample) else sample
+    return Tile(image, caption)
 
 
 def bearing_to_column(frame: Frame, bearing_deg: float) -> float:

@@ -25,6 +25,8 @@ from doorway3ds.networks import registry
 from doorway3ds.networks.session import digest
 from doorway3ds.train.loop import Row
 
+_LISTED = 6  # entries of a long list that a report's facts show
+
 
 def require_plots() -> None:
     """UserError, before hours of training, where the report could not be drawn at its end."""
@@ -65,6 +67,15 @@ def install(name: str, path: Path, licence: str | None = None) -> Path:
     return installed
 
 
+def training_report(card: Mapping[str, Any], history: Sequence[Row]) -> Report:
+    """What every training's report begins with: its card and its losses."""
+    report = Report(f"Training of {card['name']}", _facts(card))
+    names = [k for k in history[0] if k != "epoch" and not k.startswith("val_")] if history else []
+    for name in names:
+        report.add_plot(f"curve-{name}", name.capitalize(), curves(history, name))
+    return report
+
+
 def classifier_report(
     folder: Path,
     card: Mapping[str, Any],
@@ -74,9 +85,8 @@ def classifier_report(
     samples: Mapping[str, Sample],
 ) -> Path:
     """report.html, report.json and PNGs of a classifier's training."""
-    report = Report(f"Training of {card['name']}", _facts(card))
+    report = training_report(card, history)
     report.tables.append(pages.classifier_table({"held out": scored}))
-    _add_curves(report, history)
     report.add_plot("confusion", "Confusion matrix", confusion(scored))
     pages.add_classifier_pictures(report, samples, {"held out": records}, {"held out": scored})
     return finish_report(report, folder, card, history)
@@ -88,9 +98,8 @@ def depth_report(
     scored: Mapping[Protocol, DepthMetrics],
 ) -> Report:
     """The report of a depth network's training, without its pictures."""
-    report = Report(f"Training of {card['name']}", _facts(card))
+    report = training_report(card, history)
     report.tables.append(pages.depth_table(scored))
-    _add_curves(report, history)
     return report
 
 
@@ -140,18 +149,14 @@ def curves(history: Sequence[Row], name: str) -> bytes:
     return done()
 
 
-def _add_curves(report: Report, history: Sequence[Row]) -> None:
-    names = [k for k in history[0] if k != "epoch" and not k.startswith("val_")] if history else []
-    for name in names:
-        report.add_plot(f"curve-{name}", name.capitalize(), curves(history, name))
-
-
 def _facts(card: Mapping[str, Any]) -> dict[str, str]:
     """What a report says first: the card's plain entries and counts."""
     shown = {}
     for key, value in card.items():
-        if key in ("held_out", "options", "sha256"):
+        if key in ("options", "sha256") or (key == "held_out" and isinstance(value, Mapping)):
             continue
+        if isinstance(value, list) and len(value) > _LISTED:
+            value = f"{len(value)}: {', '.join(map(str, value[:_LISTED]))} and others"
         if key == "left_out":
             value = f"{len(value)} pictures" + "".join(
                 f"; {name}: {why}" for name, why in list(value.items())[:3]

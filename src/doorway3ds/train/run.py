@@ -17,11 +17,15 @@ from doorway3ds.evaluate.datasets import place_folds
 from doorway3ds.evaluate.readers import guess_layout
 from doorway3ds.files import write_bytes
 from doorway3ds.networks.session import digest
+from doorway3ds.train import outcome
 from doorway3ds.train.augment import view
 from doorway3ds.train.calibrate import platt, relative_depth_error
 from doorway3ds.train.doornet import DoorNet, build_doornet
+from doorway3ds.train.doorreport import write_report
+from doorway3ds.train.engine import ALONE, Team, wants_half
 from doorway3ds.train.export import Calibration, export_onnx
-from doorway3ds.train.fit import LANDSCAPE, PORTRAIT, collate, fit
+from doorway3ds.train.fit import collate, fit, plain_shape
+from doorway3ds.train.loop import Watcher
 from doorway3ds.train.recipe import Recipe
 from doorway3ds.train.samples import (
     Sample,
@@ -39,6 +43,14 @@ _SHOWN = ("name", "date", "depth_error", "held_out", "pictures", "thresholds")
 _FASTDEPTH_ERROR = 0.16
 # readers of folders with doorways.csv, by layout
 _READERS = {"nyu": read_nyu, "rendered": read_rendered, "plain": read_marked}
+
+_SEEN_BY_CALIBRATION = (
+    "Scores are of the held-out places. The calibration of p_open has been fitted on them, and "
+    "early stopping, where asked for, looks at them: --report K keeps a further fold from both."
+)
+_SEEN_BY_NOTHING = (
+    "Scores are of the fold given by --report, which neither training nor calibration has seen."
+)
 
 
 @dataclass(frozen=True)
@@ -118,8 +130,7 @@ def predict(network: Path, samples: Sequence[Sample]) -> list[dict[str, Any]]:
     names = [output.name for output in session.get_outputs()]
     found = []
     for sample in samples:
-        portrait = sample.image.shape[0] > sample.image.shape[1]
-        target = view(sample, PORTRAIT if portrait else LANDSCAPE, None)
+        target = view(sample, plain_shape(sample), None)
         values = session.run(None, {"image": collate([target])[0]})
         outputs = {name: value[0] for name, value in zip(names, values, strict=True)}
         found.append({"sample": sample, "target": target} | outputs)
@@ -165,21 +176,33 @@ def train_doornet(
     calibration: Path | None = None,
     init: Path | None = None,
     resume: bool = False,
+    precision: str = "auto",
+    watcher: Watcher | None = None,
+    team: Team = ALONE,
     command: str = "",
 ) -> dict[str, Any]:
-    """Trains, calibrates, exports out/doornet.onnx; returns what the card says.
+    """Trains, calibrates, exports out/doornet.onnx, reports; returns what the card says.
 
-    hold_out: (fold, folds) of places kept for calibration and limits. report: a further fold
-    that is kept from everything, so that it can be reported on. calibration: the card of an
+    hold_out: (fold, folds) of places kept for calibration, limits and early stopping. report: a
+    further fold that is kept from everything but the report. calibration: the card of an
     earlier held-out run, for a training on everything. init: weights of an earlier run of the
     same recipe's network to start from.
     """
+    import keras
+
+    outcome.require_plots()
+    if recipe.fit.patience and hold_out is None:
+        raise UserError(
+            "stopping early needs places that are not trained on: give --hold-out K/N, or leave "
+            "--patience and the recipe's patience out"
+        )
     samples = read_all(folders, teachers, recipe)
     kept, held = split(samples, *hold_out, report) if hold_out else (samples, [])
+    keras.utils.set_random_seed(recipe.fit.seed)
     net = build_doornet(teachers.semantic, teachers.depth, recipe.network)
     if init is not None:
         load_weights(net, init)
-    fit(
+    history = fit(
         net,
         kept,
         recipe.fit,
@@ -187,7 +210,14 @@ def train_doornet(
         weights=recipe.losses,
         folder=out,
         resume=resume,
+        held=held,
+        half=wants_half(precision),
+        identity=_identity(teachers, recipe, init),
+        watcher=watcher,
+        team=team,
     )
+    if not team.leads:
+        return {}
     found, measured = Calibration(), dict[str, Any]()
     path = out / "doornet.onnx"
     if held:
@@ -225,7 +255,19 @@ def train_doornet(
     card["parity"] = export_onnx(net.whole, path, calibration=found, metadata=shown)
     card["sha256"], card["bytes"] = digest(path), path.stat().st_size
     write_bytes(out / "doornet.json", (json.dumps(card, indent=2) + "\n").encode())
+    unseen, about = held, _SEEN_BY_CALIBRATION
+    if hold_out and report is not None:
+        unseen, about = split(samples, report, hold_out[1])[1], _SEEN_BY_NOTHING
+    write_report(out, card, history, predict(path, unseen), about)
     return card
+
+
+def _identity(teachers: Teachers, recipe: Recipe, init: Path | None) -> str:
+    """What must be the same for a resumed training, besides what `fit` knows."""
+    first = [teachers.semantic, teachers.depth, *([init] if init else [])]
+    return outcome.identity(
+        [digest(path) for path in first], asdict(recipe.network), asdict(recipe.pseudo)
+    )
 
 
 def load_weights(net: DoorNet, path: Path) -> None:
