@@ -312,15 +312,25 @@ def test_text_stands_out_from_its_ground(
     assert weakest[0] >= 4.5, weakest  # type: ignore[index]
 
 
-def test_large_pictures_from_phones_are_taken(shared: Served, page: Page) -> None:
+@pytest.mark.parametrize(("width", "height"), [(900, 1200), (3024, 4032)])
+def test_large_pictures_from_phones_are_taken(
+    shared: Served, page: Page, width: int, height: int
+) -> None:
     page.open(shared.url)
-    tall = encode(scene(900, 1200), orientation=6)
-    page.give(tall, "drop")
+    page.give(encode(scene(width, height), orientation=6), "drop")
     page.until(lambda: page.text("headline").startswith("Turn left"))
     # EXIF says that it lies on its side, for the server and for the browser alike.
     box = page.run("return document.getElementById('marks').getAttribute('viewBox')")
-    assert str(box).split()[2:] == ["1200", "900"]
+    assert str(box).split()[2:] == [str(height), str(width)]
     size = page.run(
         "const p = document.getElementById('photo'); return [p.naturalWidth, p.naturalHeight]"
     )
-    assert size == [1200, 900]
+    assert size == [height, width]
+    assert page.marks() == 2
+    # However large, it is shown within the window.
+    shown = page.run(
+        "const b = document.getElementById('photo').getBoundingClientRect();"
+        "return [b.left >= 0, b.right <= innerWidth]"
+    )
+    assert shown == [True, True]
+    assert page.problems() == []
