@@ -67,6 +67,9 @@ Precision = Annotated[str, typer.Option(help="auto (bfloat16 on a GPU), float32,
 Licence = Annotated[str | None, typer.Option(help="Of the pictures; noted on the card.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in --out.")]
 TrainThreads = Annotated[int | None, typer.Option(min=1, help="CPU threads.  [default: all]")]
+Board = Annotated[
+    bool, typer.Option("--tensorboard", help="Write OUT/tensorboard, too, beside the CSV logs.")
+]
 Install = Annotated[
     bool, typer.Option("--install/--no-install", help="Let `--network` find the file by name.")
 ]

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import shlex
+import shutil
 import sys
 import time
+from collections import deque
+from datetime import timedelta
 
 from doorway3ds.cli._progress import Progress
 
@@ -22,23 +25,26 @@ class Watch:
     def __init__(self, epochs: int) -> None:
         self._epochs = epochs
         self._live = sys.stderr is not None and sys.stderr.isatty()
-        self._start: float | None = None
-        self._first = 0
+        self._times: deque[float] = deque()
 
     def batch(self, epoch: int, step: int, steps: int, losses: dict[str, float]) -> None:
         if not self._live:
             return
-        now = time.monotonic()
-        done = (epoch - 1) * steps + step
-        if self._start is None:
-            self._start, self._first = now, done
+        self._times.append(time.monotonic())
+        # the pace of the last epoch: later stages may be slower, and validation takes time, too
+        while len(self._times) > steps + 1:
+            self._times.popleft()
         left = ""
-        if done > self._first:
-            seconds = (now - self._start) / (done - self._first) * (self._epochs * steps - done)
-            left = f"  {max(seconds, 0):.0f} s left"
+        if len(self._times) > 1:
+            pace = (self._times[-1] - self._times[0]) / (len(self._times) - 1)
+            missing = max(self._epochs * steps - ((epoch - 1) * steps + step), 0)
+            left = f"{timedelta(seconds=round(pace * missing))} left  "
         filled = _WIDTH * step // steps
         bar = "━" * filled + "─" * (_WIDTH - filled)
-        sys.stderr.write(f"\r\x1b[K{epoch}/{self._epochs} {bar} {_text(losses)}{left}")
+        told = {"loss": losses["loss"], **losses} if "loss" in losses else losses
+        line = f"{epoch}/{self._epochs} {bar} {left}{_text(told)}"
+        # a line that wraps could not be taken back
+        sys.stderr.write(f"\r\x1b[K{line[: shutil.get_terminal_size().columns - 1]}")
         sys.stderr.flush()
 
     def epoch(self, row: dict[str, float]) -> None:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from doorway3ds.cli._options import (
     Batch,
+    Board,
     Epochs,
     EvalLayout,
     Group,
@@ -31,6 +30,10 @@ from doorway3ds.cli._options import (
 )
 from doorway3ds.cli._training import Count, Watch, command_line, say
 from doorway3ds.errors import CallError
+
+if TYPE_CHECKING:
+    from doorway3ds.train.engine import Team
+    from doorway3ds.train.loop import Watcher
 
 app = typer.Typer(help="Train networks from pictures.", no_args_is_help=True)
 
@@ -68,32 +71,37 @@ def doornet(
         Path | None, typer.Option(metavar="FILE", help="Weights of an earlier run to start from.")
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Instead of the recipe's.")] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on after the last stage.")] = False,
-    threads: Annotated[int | None, typer.Option(help="CPU threads.  [default: all]")] = None,
+    patience: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            help="End a stage after so many epochs without gain on held-out places, keep the best; "
+            "0: never.  [default: the recipe's]",
+        ),
+    ] = None,
+    precision: Precision = "auto",
+    tensorboard: Board = False,
+    resume: Resume = False,
+    threads: TrainThreads = None,
 ) -> None:
     """Train doornet: p_open, opening columns, depth and floor in one network."""
-    import os
     from dataclasses import replace
 
-    # the back end is chosen when Keras is first imported
-    os.environ["KERAS_BACKEND"] = "torch"
-    import keras
-    import torch
-
-    from doorway3ds.errors import CallError
     from doorway3ds.evaluate.datasets import parse_split
+    from doorway3ds.train import engine
     from doorway3ds.train.recipe import read_recipe
     from doorway3ds.train.run import Teachers, train_doornet
 
-    keras.config.set_image_data_format("channels_first")
-    if threads:
-        torch.set_num_threads(threads)
+    _require_precision(precision)
+    engine.start(threads)
+    team = engine.join()
     fold = parse_split(hold_out) if hold_out else None
     if report is not None and (fold is None or not 1 <= report <= fold[1] or report - 1 == fold[0]):
         raise CallError("--report is another fold of those that --hold-out K/N counts")
     chosen = read_recipe(recipe)
-    if seed is not None:
-        chosen = replace(chosen, fit=replace(chosen.fit, seed=seed))
+    given = {"seed": seed, "patience": patience}
+    changed: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
+    chosen = replace(chosen, fit=replace(chosen.fit, **changed))
     card = train_doornet(
         datasets,
         Teachers.in_folder(teachers),
@@ -104,12 +112,14 @@ def doornet(
         calibration=calibration,
         init=init,
         resume=resume,
-        command=shlex.join(["3ds", *sys.argv[1:]]),
+        precision=precision,
+        watcher=_watch(sum(stage.epochs for stage in chosen.fit.stages), out, tensorboard, team),
+        team=team,
+        command=command_line(),
     )
-    typer.echo(
-        f"{out / 'doornet.onnx'}: {card['bytes'] / 1e6:.1f} MB, "
-        f"ONNX Runtime and Keras differ by {card['parity']:.1e} of each output's largest value"
-    )
+    if team.leads:
+        _say_written("doornet", out, card)
+    engine.leave()
 
 
 @app.command()
@@ -153,6 +163,7 @@ def cnn_srin(
     precision: Precision = "auto",
     licence: Licence = None,
     install: Install = True,
+    tensorboard: Board = False,
     resume: Resume = False,
     threads: TrainThreads = None,
 ) -> None:
@@ -200,7 +211,7 @@ def cnn_srin(
         ),
         out,
         resume=resume,
-        watcher=Watch(epochs),
+        watcher=_watch(epochs + fine_tune, out, tensorboard, team),
         seen=count,
         team=team,
         facts={"data": str(dataset), "command": command_line(), "licence": licence},
@@ -254,6 +265,7 @@ def densedepth(
     precision: Precision = "auto",
     licence: Licence = None,
     install: Install = True,
+    tensorboard: Board = False,
     resume: Resume = False,
     threads: TrainThreads = None,
 ) -> None:
@@ -308,7 +320,7 @@ def densedepth(
         ),
         out,
         resume=resume,
-        watcher=Watch(epochs),
+        watcher=_watch(epochs, out, tensorboard, team),
         team=team,
         facts={"data": str(dataset), "command": command_line(), "licence": licence},
     )
@@ -331,10 +343,24 @@ def _finish(
     outcome: Any, name: str, out: Path, card: dict[str, Any], licence: str | None, install: bool
 ) -> None:
     """Says what was written and installs it."""
-    path = out / f"{name}.onnx"
+    _say_written(name, out, card)
+    if install:
+        path = out / f"{name}.onnx"
+        typer.echo(f"{name}: installed {outcome.install(name, path, licence)}")
+
+
+def _say_written(name: str, out: Path, card: dict[str, Any]) -> None:
     typer.echo(
-        f"{path}: {card['bytes'] / 1e6:.1f} MB, ONNX Runtime and Keras differ by "
+        f"{out / f'{name}.onnx'}: {card['bytes'] / 1e6:.1f} MB, ONNX Runtime and Keras differ by "
         f"{card['parity']:.1e} of the largest output; report: {out / 'report.html'}"
     )
-    if install:
-        typer.echo(f"{name}: installed {outcome.install(name, path, licence)}")
+
+
+def _watch(epochs: int, out: Path, tensorboard: bool, team: Team) -> Watcher:
+    """The live line, and TensorBoard where asked for."""
+    from doorway3ds.train.watch import TensorBoard, Together
+
+    live = Watch(epochs)
+    if not tensorboard or not team.leads:
+        return live
+    return Together(live, TensorBoard(out / "tensorboard"))

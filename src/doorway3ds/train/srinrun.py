@@ -243,7 +243,12 @@ def _fine_tune(
         for part in (split.train, split.held)
     ]
     second = LoopConfig(
-        **{**asdict(config), "epochs": options.fine_tune, "learning_rate": FINE_TUNE_RATE}
+        **{
+            **asdict(config),
+            "epochs": options.fine_tune,
+            "learning_rate": FINE_TUNE_RATE,
+            "first": options.epochs,
+        }
     )
     loop = Loop(
         whole,
@@ -257,8 +262,7 @@ def _fine_tune(
         watcher=watcher,
         team=team,
     )
-    rows = loop.run(resume)
-    return [{**row, "epoch": row["epoch"] + options.epochs} for row in rows]
+    return loop.run(resume)
 
 
 def _rows(wanted: Sequence[Wanted], features: NDArray[np.float32]) -> Rows:
