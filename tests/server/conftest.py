@@ -24,6 +24,7 @@ if not collect_ignore_glob:
     from doorway3ds.server.hall import Hall
     from doorway3ds.server.run import listen, make_server
     from doorway3ds.server.settings import Limits, Settings
+    from doorway3ds.server.shield import Shield
     from doorway3ds.server.tls import Certificate
     from doorway3ds.sources.base import Source
 
@@ -86,9 +87,16 @@ def running(
     source: tuple[str, Callable[[], Source]] | None = None,
     certificate: Certificate | None = None,
 ) -> Iterator[Served]:
+    with answering(create_app(settings, source), certificate) as served:
+        yield served
+
+
+@contextlib.contextmanager
+def answering(app: Shield, certificate: Certificate | None = None) -> Iterator[Served]:
+    """Any application on a free port of this machine."""
     bound = listen("127.0.0.1", 0)
     port = bound.getsockname()[1]
-    app = create_app(settings, source)
+    settings = app.hall.settings
     started = threading.Event()
     server = make_server(app, certificate, started.set)
     thread = threading.Thread(target=lambda: server.run(sockets=[bound]))

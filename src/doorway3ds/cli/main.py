@@ -21,6 +21,7 @@ _ORDER = (
     "calibrate",
     "models",
     "bench",
+    "label",
     "train",
     "eval",
     "reproduce",

@@ -163,6 +163,7 @@ _ERRORS = {
     404: "There is nothing here.",
     405: "Another method is expected here.",
     408: "The body came too slowly.",
+    409: "Somebody else was first; nothing is changed.",
     413: "The body is too large.",
     415: "Neither an image nor multipart/form-data.",
     422: "A field is wrong.",

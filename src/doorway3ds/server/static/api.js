@@ -7,7 +7,7 @@ export class ApiError extends Error {
   }
 }
 
-async function ask(url, options) {
+export async function ask(url, options) {
   let answer;
   try {
     answer = await fetch(url, { credentials: "same-origin", ...options });

@@ -51,10 +51,10 @@ export function prepare(info, changed) {
 
 export function fields() {
   const found = { method: form.method.value, network: form.network.value };
-  if (form.camera.value === ANGLE) found.fov_deg = form.fov_deg.value;
+  if (form.camera.value === ANGLE) found.fov_deg = form.fov_deg.valueAsNumber;
   else if (form.camera.value !== OWN) found.camera = form.camera.value;
   for (const name of ["height_m", "pitch_deg", "roll_deg", "width_m", "max_unseen_m"]) {
-    if (form[name].value !== "") found[name] = form[name].value;
+    if (form[name].value !== "") found[name] = form[name].valueAsNumber;
   }
   return found;
 }

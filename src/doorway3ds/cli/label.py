@@ -1,0 +1,114 @@
+"""`3ds label`: mark the open doorways in a folder of pictures, on a local page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from doorway3ds.cli._camera import CameraOptions
+from doorway3ds.cli._listening import (
+    Host,
+    ListenOptions,
+    Port,
+    TlsCert,
+    TlsKey,
+    TlsName,
+    Token,
+)
+from doorway3ds.cli._options import Camera, FovDeg, Network, Threads
+
+if TYPE_CHECKING:
+    from doorway3ds.evaluate.datasets import FitCamera
+    from doorway3ds.label.pictures import Guesser
+
+
+def label(
+    folder: Annotated[
+        Path, typer.Argument(help="Pictures of any size and camera; folders in it are places.")
+    ],
+    classes: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Only put what is marked into open-door/, half-open-door/, closed-door/ and "
+            "no-door/ there, as links or copies.",
+        ),
+    ] = None,
+    guess: Annotated[
+        bool, typer.Option("--guess/--no-guess", help="Draw what the network would mark.")
+    ] = True,
+    host: Host = "127.0.0.1",
+    port: Port = 8001,
+    token: Token = None,
+    tls: Annotated[bool, typer.Option("--tls", help="HTTPS.")] = False,
+    tls_cert: TlsCert = None,
+    tls_key: TlsKey = None,
+    tls_name: TlsName = None,
+    network: Network = "doornet",
+    camera: Camera = None,
+    fov_deg: FovDeg = None,
+    threads: Threads = None,
+) -> None:
+    """Mark open doorways by hand on a page, until Ctrl-C; keys and two clicks a picture.
+
+    Every mark is saved at once into FOLDER/doorways.csv, which `3ds eval`, `3ds train` and
+    `3ds qualify` read; called again, it goes on where it stopped.
+    """
+    choice = CameraOptions(camera, fov_deg).resolve()
+
+    from doorway3ds.label.pictures import Pictures
+    from doorway3ds.label.table import Table
+
+    if classes is not None:
+        _export(folder, classes)
+        return
+    guesser = None
+    if guess:
+        fit = choice.fit if camera is not None or fov_deg is not None else None
+        guesser = _guesser(folder, network, threads, fit)
+    pictures = Pictures(folder, guesser)
+    table = Table(folder)
+    for name in pictures.left_out:
+        typer.echo(f"left out: {name!r}, a name that a CSV file cannot hold", err=True)
+
+    import cv2
+
+    from doorway3ds.label.app import create_label_app, label_settings
+
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    names = tuple(tls_name or ())
+    listening = ListenOptions(host, port, token, tls, tls_cert, tls_key, names).open()
+    with listening.bound:
+        settings = label_settings(listening.token, listening.shared)
+        app = create_label_app(settings, pictures, table)
+        try:
+            listening.serve(app, "labelling at")
+        finally:
+            marked = len(set(pictures.names) & set(table.states()))
+            typer.echo(f"{table.path}: {marked} of {len(pictures)} pictures marked", err=True)
+
+
+def _guesser(folder: Path, network: str, threads: int | None, fit: FitCamera | None) -> Guesser:
+    from doorway3ds.cli._pipeline import build_pipeline
+    from doorway3ds.evaluate.readers import folder_camera
+    from doorway3ds.label.guess import guesser
+
+    pipeline = build_pipeline("opening", network, None, None, threads)
+    return guesser(pipeline, fit or folder_camera(folder))
+
+
+def _export(folder: Path, out: Path) -> None:
+    from doorway3ds.errors import UserError
+    from doorway3ds.label.classes import export_classes
+    from doorway3ds.label.pictures import Pictures
+    from doorway3ds.label.table import Table
+
+    table = Table(folder)
+    states = table.states()
+    if not states:
+        raise UserError(f"{table.path} marks no picture yet; start with: 3ds label {folder}")
+    counts = export_classes(Pictures(folder), states, out)
+    told = ", ".join(f"{counts[name]} {name}" for name in sorted(counts))
+    typer.echo(f"{out}: {told}")
