@@ -142,6 +142,13 @@ def test_the_metric_preset_reads_hypersim_as_hypersim(tmp_path: Path) -> None:
     assert net.gives == {"depth"}
 
 
+def test_a_preset_takes_a_file_that_fixes_its_size(tmp_path: Path) -> None:
+    path = tinynets.depth_file(tmp_path / "n.onnx", gain=0.0, offset=4.0, shape=(1, 3, 28, 42))
+    seen = DepthFile(path, PRESETS[RELATIVE], threads=1)(picture(0), CAMERA)
+    assert seen.relative is not None
+    assert seen.relative.inverse.shape == (28, 42)
+
+
 def test_relative_depth_has_no_metres_of_its_own(tmp_path: Path) -> None:
     path = tinynets.depth_file(tmp_path / "n.onnx", gain=0.0, offset=7.0)
     net = DepthFile(path, PRESETS[RELATIVE], threads=1)
