@@ -53,15 +53,19 @@ def fuzz(arguments: list[str], count: int, seed: int) -> dict[str, object]:
     kinds = (_damaged_picture, _wrong_field, _damaged_multipart, _damaged_http, _hang_up)
     begin = time.monotonic()
     with serving(*arguments) as (process, url):
-        before = resident_mb(process.pid)
+        memory = [resident_mb(process.pid)]
         made_up, undocumented = _made_up(url, count // 2, seed)
+        memory.append(resident_mb(process.pid))
         with httpx.Client(base_url=url, timeout=60) as client:
-            for number in range(count - sum(made_up.values())):
+            left = count - sum(made_up.values())
+            for number in range(left):
+                if number % max(left // 4, 1) == 0:
+                    memory.append(resident_mb(process.pid))
                 kind = kinds[number % len(kinds)]
                 statuses[f"{kind.__name__[1:]} {kind(client, url, jpeg, rng)}"] += 1
             after = client.post("/v1/decide", content=jpeg).status_code
             health = client.get("/healthz").json()
-        memory = resident_mb(process.pid)
+        memory.append(resident_mb(process.pid))
     statuses += made_up
     return {
         "requests": sum(statuses.values()),
@@ -70,7 +74,7 @@ def fuzz(arguments: list[str], count: int, seed: int) -> dict[str, object]:
         "undocumented": undocumented,
         "after": after,
         "in_flight": health["in_flight"],
-        "resident_mb": [round(before, 1), round(memory, 1)],
+        "resident_mb": [round(mb, 1) for mb in memory],
         "took_s": round(time.monotonic() - begin),
     }
 

@@ -101,8 +101,11 @@ def test_other_settings_hold_from_the_next_frame_on(served: Served, tap: Tap) ->
     answer = served.client.get("/v1/decision").json()
     assert answer["method"] == "paper"
     assert answer["camera"]["name"] == "fov 40 deg"
-    wrong = served.client.put("/v1/source", json={"network": "nothing.onnx"})
-    assert wrong.status_code == 422
+    for fields in ({"network": "nothing.onnx"}, {"fov_deg": "40"}, {"height_m": True}):
+        assert served.client.put("/v1/source", json=fields).status_code == 422
+    head = {"Content-Type": "application/json"}
+    damaged = served.client.put("/v1/source", content=b'{"method": "\xff"}', headers=head)
+    assert damaged.status_code == 400 and damaged.json()["error"]["code"] == "bad_request"
     assert served.client.get("/v1/info").json()["source"]["fields"]["method"] == "paper"
 
 

@@ -78,6 +78,12 @@ class Fields(BaseModel):
         return self
 
 
+class SourceFields(Fields):
+    """Fields of /v1/source, as JSON: a text is no number there, nor is `true`."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+
 class DecideFields(Fields):
     """Fields of /v1/decide."""
 

@@ -20,7 +20,7 @@ from doorway3ds.images import read_image
 from doorway3ds.pipeline import NEEDS
 from doorway3ds.server import schemas
 from doorway3ds.server.body import Upload, read_upload
-from doorway3ds.server.choice import DecideFields, Fields, viewpoint
+from doorway3ds.server.choice import DecideFields, SourceFields, viewpoint
 from doorway3ds.server.errors import ApiError, busy
 from doorway3ds.server.front import json_answer
 from doorway3ds.server.hall import Hall, hall_of
@@ -232,7 +232,7 @@ async def newest_decision(hall: SharedHall) -> Response:
     responses=schemas.errors(400, *_ALWAYS, 404, 408, 413, 422),
     summary="Decide on the source by other settings",
 )
-async def change_source(hall: SharedHall, fields: Annotated[Fields, Body()]) -> Response:
+async def change_source(hall: SharedHall, fields: Annotated[SourceFields, Body()]) -> Response:
     """All settings at once; those left out are the server's own. Everybody who follows the source
     sees the change."""
     live = _live(hall)
