@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -14,6 +15,7 @@ import pytest
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.networks import registry
 from doorway3ds.networks.fetch import fetch
+from doorway3ds.networks.presets import METRIC
 from doorway3ds.networks.registry import MODELS, install, load, read_card
 from doorway3ds.networks.session import digest
 from tests import tinynets
@@ -153,6 +155,21 @@ def test_fetch_installs_what_has_the_right_checksum(server: tuple[str, Path]) ->
     assert path.read_bytes() == file.read_bytes()
     assert read_card(path).source == f"{address}/depth.onnx"
     assert load("densedepth", threads=1).gives == {"depth"}
+
+
+def test_a_published_release_is_fetched_by_name(
+    server: tuple[str, Path], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    address, served = server
+    file = tinynets.depth_file(served / "indoor.onnx", offset=2.0)
+    published = replace(MODELS[METRIC], url=f"{address}/indoor.onnx", sha256=digest(file))
+    monkeypatch.setattr(registry, "MODELS", {**MODELS, METRIC: published})
+    assert fetch(METRIC) == folder / f"{METRIC}.onnx"
+    assert read_card(folder / f"{METRIC}.onnx").source == f"{address}/indoor.onnx"
+    assert load(METRIC, threads=1).gives == {"depth"}
+    # Another address is not held to the published digest, so it needs one of its own.
+    with pytest.raises(CallError, match="--url needs --sha256"):
+        fetch(METRIC, f"{address}/other.onnx")
 
 
 def test_fetch_refuses_everything_else(server: tuple[str, Path], folder: Path) -> None:
