@@ -9,7 +9,7 @@ Sources: Sandler et al., "MobileNetV2" (CVPR 2018); Wofk et al., "FastDepth" (IC
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,10 @@ class FoldedConv:
     kernel: NDArray[np.float32]  # (out, in / groups, kh, kw)
     bias: NDArray[np.float32]  # (out,)
     groups: int
+
+
+Source = str | Path | Sequence[FoldedConv]
+"""An ONNX file, or the convolutions of one in graph order; what is left over is not looked at."""
 
 
 def read_convolutions(path: str | Path) -> list[FoldedConv]:
@@ -61,7 +65,8 @@ def read_convolutions(path: str | Path) -> list[FoldedConv]:
 class _Builder:
     """Adds Keras convolutions in the order of a file's convolutions and loads their weights."""
 
-    def __init__(self, convolutions: list[FoldedConv], prefix: str) -> None:
+    def __init__(self, source: Source, prefix: str) -> None:
+        convolutions = read_convolutions(source) if isinstance(source, (str, Path)) else source
         self._source: Iterator[FoldedConv] = iter(convolutions)
         self._prefix = prefix
         self._count = 0
@@ -109,7 +114,7 @@ class _Builder:
 _MOBILENET_V2 = ((1, 1), (2, 2), (3, 2), (4, 2), (3, 1), (3, 2), (1, 1))
 
 
-def mobilenet_v2(x: Tensor, path: str | Path, *, prefix: str = "sem") -> dict[str, Tensor]:
+def mobilenet_v2(x: Tensor, source: Source, *, prefix: str = "sem") -> dict[str, Tensor]:
     """MobileNetV2 to its 320 channels, last stage dilated instead of strided (as in DeepLab).
 
     x: (B, 3, h, w) in -1..1. Returns features by stride: "s4" (24 channels), "s8" (32), "s16" (96)
@@ -117,7 +122,7 @@ def mobilenet_v2(x: Tensor, path: str | Path, *, prefix: str = "sem") -> dict[st
     """
     from keras import layers
 
-    build = _Builder(read_convolutions(path), prefix)
+    build = _Builder(source, prefix)
     x = build.conv(x, stride=2, pads=(0, 0, 1, 1), activation="relu6")
     features: dict[str, Tensor] = {}
     stride = 2
@@ -145,7 +150,7 @@ def mobilenet_v2(x: Tensor, path: str | Path, *, prefix: str = "sem") -> dict[st
     return features
 
 
-def fastdepth(x: Tensor, path: str | Path, *, prefix: str = "fd") -> dict[str, Tensor]:
+def fastdepth(x: Tensor, source: Source, *, prefix: str = "fd") -> dict[str, Tensor]:
     """FastDepth (MobileNet encoder, NNConv5 decoder with additive skips), any multiple of 32.
 
     x: (B, 3, h, w) in 0..1. Returns decoder features by stride: "s16" (256 channels), "s8"
@@ -154,7 +159,7 @@ def fastdepth(x: Tensor, path: str | Path, *, prefix: str = "fd") -> dict[str, T
     """
     from keras import layers
 
-    build = _Builder(read_convolutions(path), prefix)
+    build = _Builder(source, prefix)
     strides = (1, 2, 1, 2, 1, 2, 1, 1, 1, 1, 1, 2, 1)
     # the first convolution halves; each entry above is one depthwise separable block
     x = build.conv(x, stride=2, activation="relu6")

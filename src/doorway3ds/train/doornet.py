@@ -15,10 +15,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from doorway3ds.train.backbones import Tensor, fastdepth, mobilenet_v2
+from doorway3ds.train.backbones import Source, Tensor, fastdepth, mobilenet_v2
 
 # focal length in pixels of the network's input for which `depth` is metric; other cameras
 # scale it by their own (a lens that magnifies makes things look nearer)
@@ -58,8 +57,8 @@ class DoorNet:
 
 
 def build_doornet(
-    semantic_weights: str | Path,
-    depth_weights: str | Path,
+    semantic_weights: Source,
+    depth_weights: Source,
     config: DoorNetConfig = DoorNetConfig(),
 ) -> DoorNet:
     """A Keras model from (B, 3, h, w) RGB 0..255, h and w multiples of 32.
