@@ -120,7 +120,8 @@ class Panel:
         lines = Text(sentence(decision)).wrap(self._console, width)
         words = Text("\n").join([*lines, Text(""), Text("")][:2])
         whole = Table.grid()
-        for row in (Text(self._title, "dim"), Text(rule, "dim"), head, words, Text(""), grid):
+        title = Text(self._title, "dim", no_wrap=True, overflow="ellipsis")
+        for row in (title, Text(rule, "dim"), head, words, Text(""), grid):
             whole.add_row(row)
         return whole
 

@@ -141,7 +141,7 @@ def live(
             from doorway3ds.cli._panel import Panel
 
             named = [found.name, method, pipeline.network.name]
-            named += [] if driver is None else [f"robot {driver.robot.name}"]
+            named += [] if robot is None else [f"robot {robot}"]
             watch.panel = stack.enter_context(Panel(" · ".join(named), found))
         found.notice = watch.panel.say if watch.panel else _complain
         if driver is None:
