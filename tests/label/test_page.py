@@ -126,7 +126,9 @@ def test_the_guess_is_taken_by_one_key_and_undone_by_another(
     page.press("z")
     page.says("name", "a.jpg")
     page.until(lambda: rows(site) == [])
-    page.press("y", "y")
+    page.press("y")
+    page.until(lambda: [row["state"] for row in rows(site)] == ["open"])
+    page.press("y")
     page.until(lambda: [row["state"] for row in rows(site)] == ["open", "closed"])
     assert page.problems() == []
 
@@ -143,6 +145,20 @@ def test_what_was_looked_at_and_left_is_not_marked(site: Path, desk: Desk, page:
     page.press("\ue012", "\ue012")  # ←
     page.says("name", "a.jpg")
     assert [row["image"] for row in rows(site)] == ["b.png"]
+
+
+def test_a_hasty_key_never_marks_the_picture_that_was_left(
+    site: Path, desk: Desk, page: Labeller
+) -> None:
+    from selenium.webdriver.common.keys import Keys
+
+    page.begin(desk(site).url)
+    page.says("name", "a.jpg")
+    page.driver.switch_to.active_element.send_keys(Keys.ENTER + "c")
+    page.says("name", "b.png")
+    page.press("n")
+    page.saved()
+    page.until(lambda: [row["state"] for row in rows(site)] == ["open", "none"])
 
 
 def test_it_goes_on_where_it_stopped(site: Path, desk: Desk, page: Labeller) -> None:
@@ -231,6 +247,15 @@ def test_marks_wait_on_the_page_until_they_can_be_written(
     page.saved()
     assert [row["state"] for row in rows(site)] == ["closed"]
     page.problems()
+
+
+def test_the_links_token_lets_in(site: Path, desk: Desk, page: Labeller) -> None:
+    served = desk(site, token="correct-horse")
+    page.begin(f"{served.url}/?token=correct-horse")
+    page.says("name", "a.jpg")
+    page.press("n")
+    page.saved()
+    assert page.run("return [location.search, document.cookie]") == ["", ""]
 
 
 def test_a_damaged_picture_is_named_and_passed(site: Path, desk: Desk, page: Labeller) -> None:

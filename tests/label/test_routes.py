@@ -173,3 +173,37 @@ def test_without_guesses(site: Path, desk: Desk) -> None:
     assert client.get("/v1/folder").json()["guesses"] is False
     found = client.get("/v1/pictures/0").json()
     assert (found["guess"], found["p_open"], found["width"]) == (None, None, 320)
+
+
+def test_made_up_requests_get_documented_answers(site: Path, desk: Desk) -> None:
+    schemathesis = pytest.importorskip("schemathesis")
+    from hypothesis import HealthCheck, Phase, given, settings
+    from schemathesis.specs.openapi.checks import positive_data_acceptance
+
+    served = desk(site)
+    schema = schemathesis.openapi.from_dict(served.client.get("/openapi.json").json())
+    tried = 0
+    for found in schema.get_all_operations():
+
+        @given(case=found.ok().as_strategy())
+        @settings(
+            max_examples=10,
+            deadline=None,
+            derandomize=True,
+            database=None,
+            phases=[Phase.generate],
+            suppress_health_check=list(HealthCheck),
+        )
+        def documented(case: object) -> None:
+            nonlocal tried
+            tried += 1
+            # A schema cannot say which numbers there are, nor which edges lie in a picture.
+            case.call_and_validate(  # type: ignore[attr-defined]
+                base_url=served.url, excluded_checks=[positive_data_acceptance]
+            )
+
+        documented()
+    assert tried >= 40
+    for body in (b"\xff\xfe", b"{", b"[]", b'{"marks": NaN, "revision": ""}'):
+        answer = served.client.put("/v1/pictures/0", content=body)
+        assert answer.status_code in (400, 422), answer.text

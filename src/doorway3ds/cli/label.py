@@ -53,8 +53,8 @@ def label(
 ) -> None:
     """Mark open doorways by hand on a page, until Ctrl-C; keys and two clicks a picture.
 
-    Every mark is saved at once into FOLDER/doorways.csv, which `3ds eval`, `3ds train` and
-    `3ds qualify` read; called again, it goes on where it stopped.
+    Every mark is saved at once into FOLDER/doorways.csv, which `3ds eval` and `3ds train` read;
+    called again, it goes on where it stopped.
     """
     choice = CameraOptions(camera, fov_deg).resolve()
 

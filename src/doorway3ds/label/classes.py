@@ -1,4 +1,4 @@
-"""A folder per class from what is marked, as `3ds train cnn-srin` and `3ds qualify` read it."""
+"""A folder per class from what is marked, as `3ds train cnn-srin` reads it."""
 
 from __future__ import annotations
 

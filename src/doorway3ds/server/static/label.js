@@ -18,6 +18,7 @@ const now = {
   info: null,
   entry: null,
   asked: -1, // the picture that was asked for last
+  waiting: 0, // for pictures on their way: meanwhile nothing is marked, it would be the old one
   selected: 0,
   pending: null, // the first of two clicks
   adding: false,
@@ -35,20 +36,26 @@ function note(words, bad = false) {
 
 // --- Which picture
 
-async function go(number, words = "") {
-  if (number === null || number < 0 || number >= now.info.pictures) return;
-  now.asked = number;
-  let entry;
+async function meanwhile(work) {
+  now.waiting += 1;
   try {
-    entry = await book.open(number);
+    return await work;
   } catch (error) {
-    if (now.asked === number) note(error.message, true);
-    return;
+    note(error.message, true);
+    return undefined;
+  } finally {
+    now.waiting -= 1;
   }
-  if (now.asked !== number) return;
+}
+
+async function go(number) {
+  if (number < 0 || number >= now.info.pictures) return;
+  now.asked = number;
+  const entry = await meanwhile(book.open(number));
+  if (!entry || now.asked !== number) return;
   Object.assign(now, { entry, selected: 0, pending: null, adding: false, half: null });
   history.replaceState(null, "", `#${number + 1}`);
-  note(words || entry.problem || "", !words && Boolean(entry.problem));
+  note(entry.problem ?? "", true);
   if (entry.image) stage.showPicture(entry.image, entry.width, entry.height, entry.name);
   else stage.clear();
   show();
@@ -66,15 +73,9 @@ async function lookAhead(number) {
 }
 
 async function goOn() {
-  let next;
-  try {
-    next = await unmarkedAfter(now.entry.number);
-  } catch (error) {
-    note(error.message, true);
-    return;
-  }
+  const next = await meanwhile(unmarkedAfter(now.entry.number));
   if (next === null || next === now.entry.number) note("Every other picture is marked.");
-  else await go(next);
+  else if (next !== undefined) await go(next);
 }
 
 async function take() {
@@ -91,7 +92,7 @@ async function take() {
 // --- What is marked
 
 function change(marks, selected = now.selected) {
-  if (!now.entry?.width) return;
+  if (!now.entry?.width || now.waiting) return;
   Object.assign(now, { selected, pending: null, adding: false, half: null });
   note("");
   book.change(now.entry, marks);
@@ -110,7 +111,7 @@ function setOpen(half) {
 }
 
 function clicked(column) {
-  if (!now.entry?.width) return;
+  if (!now.entry?.width || now.waiting) return;
   if (now.pending === null) {
     now.pending = column;
     note("Now the other edge.");
@@ -169,16 +170,10 @@ function letGo() {
 }
 
 async function back(step, words) {
-  let entry;
-  try {
-    entry = await step;
-  } catch (error) {
-    note(error.message, true);
-    return;
-  }
-  if (!entry) note(words);
-  else if (entry !== now.entry) await go(entry.number);
-  else letGo();
+  const entry = await meanwhile(step);
+  if (entry === null) note(words);
+  else if (entry === now.entry) letGo();
+  else if (entry) await go(entry.number);
 }
 
 const confidence = (value) => () => change(edit.sure(shown(), now.selected, value));
@@ -212,6 +207,10 @@ const keys = {
   ArrowUp: () => select(-1),
   ArrowDown: () => select(1),
 };
+
+function act(key) {
+  if (now.entry && (!now.waiting || key === "ArrowLeft" || key === "ArrowRight")) keys[key]();
+}
 
 // --- What is shown
 
@@ -299,10 +298,10 @@ document.addEventListener("click", (event) => {
   const button = event.target.closest?.("main button");
   if (!button) return;
   if (event.detail > 0) button.blur();
-  if (button.dataset.key && now.entry) keys[button.dataset.key]();
+  if (button.dataset.key) act(button.dataset.key);
 });
 for (const [id, key] of [["previous", "ArrowLeft"], ["next", "ArrowRight"], ["take", "Enter"], ["unmarked", "u"]]) {
-  byId(id).addEventListener("click", () => now.entry && keys[key]());
+  byId(id).addEventListener("click", () => act(key));
 }
 byId("goto").addEventListener("change", () => go(byId("goto").valueAsNumber - 1));
 for (const id of ["left", "right"]) byId(id).addEventListener("change", typed);
@@ -325,7 +324,7 @@ document.addEventListener("keydown", (event) => {
   if ((key === "Enter" || key === " ") && event.target.matches("button, a")) return;
   if (!Object.hasOwn(keys, key)) return;
   event.preventDefault();
-  if (!event.repeat || key.startsWith("Arrow")) keys[key]();
+  if (!event.repeat || key.startsWith("Arrow")) act(key);
 });
 
 window.addEventListener("beforeunload", (event) => {
