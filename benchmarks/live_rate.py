@@ -5,6 +5,8 @@
 Makes a film, and measures, each in processes of its own as a user would start them,
 - `3ds live FILM --json`: decisions a second and median milliseconds of each stage;
 - `3ds serve FILM` with the page closed: decisions a second and mean milliseconds of each stage;
+  of both also the processor's milliseconds for a decision, over all threads, which what else the
+  machine does changes little;
 - in this process: decoding alone, and everything one after the other, without work ahead.
 Figures are medians over --repeat runs of each.
 
@@ -15,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import re
 import subprocess
 import sys
@@ -79,7 +82,8 @@ def main() -> None:
         stages = ", ".join(f"{stage} {ms:.1f}" for stage, ms in part["stages_ms"].items())
         print(
             f"{name:8} {rates['median']:6.1f} decisions/s (runs {rates['lowest']:.1f} to "
-            f"{rates['highest']:.1f}; wanted {WANTED:g}); ms: {stages}"
+            f"{rates['highest']:.1f}; wanted {WANTED:g}), "
+            f"processor {part['processor_ms']:.1f} ms each; ms: {stages}"
         )
     print(f"written to {given.out}")
 
@@ -88,35 +92,47 @@ def live(film: str, options: list[str], frames: int) -> dict[str, Any]:
     """The command, its lines timed as they come out of the pipe."""
     call = [sys.executable, "-m", "doorway3ds.cli.main", "live", film, "--json", "--loop"]
     call += ["--frames", str(frames + WARM_UP), *options]
-    times, lines = [], []
+    times, lines, cpu_s = [], [], [0.0, 0.0]
     with subprocess.Popen(call, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         for line in process.stdout:
             times.append(time.perf_counter())
             lines.append(line)
+            if len(lines) in (WARM_UP + 1, frames + WARM_UP):
+                cpu_s = [cpu_s[1], processor_s(process.pid)]
     if process.returncode:
         sys.exit("3ds live failed")
     return {
-        "per_s": (len(times) - 1 - WARM_UP) / (times[-1] - times[WARM_UP]),
+        "per_s": (frames - 1) / (times[-1] - times[WARM_UP]),
+        "processor_ms": 1e3 * (cpu_s[1] - cpu_s[0]) / (frames - 1),
         "stages_ms": _medians([json.loads(line)["timings_ms"] for line in lines[WARM_UP:]]),
     }
 
 
 def serve(film: str, options: list[str], seconds: float) -> dict[str, Any]:
     """The server with nobody watching, by what its /metrics say before and after."""
-    with serving(film, "--loop", *options) as (_, url), httpx.Client(timeout=30) as client:
+    with serving(film, "--loop", *options) as (process, url), httpx.Client(timeout=30) as client:
         time.sleep(2)
         before, begun = _metrics(client, url), time.perf_counter()
+        cpu_s = processor_s(process.pid)
         time.sleep(seconds)
         after, spent = _metrics(client, url), time.perf_counter() - begun
+        cpu_s = processor_s(process.pid) - cpu_s
     gone = {key: value - before.get(key, 0.0) for key, value in after.items()}
     stage = re.compile(r'doorway3ds_stage_seconds_sum\{stage="(\w+)"\}')
     stages = {m[1]: gone[m[0]] for m in map(stage.fullmatch, gone) if m}
     count = 'doorway3ds_stage_seconds_count{{stage="{}"}}'
     return {
         "per_s": gone["doorway3ds_source_frames"] / spent,
+        "processor_ms": 1e3 * cpu_s / gone["doorway3ds_source_frames"],
         "stages_ms": {s: 1e3 * sum_s / gone[count.format(s)] for s, sum_s in stages.items()},
     }
+
+
+def processor_s(pid: int) -> float:
+    """Processor time of a process so far, all its threads; by Linux's /proc."""
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _metrics(client: httpx.Client, url: str) -> dict[str, float]:
@@ -129,8 +145,11 @@ def in_turn(film: str, network: str, threads: int | None, frames: int) -> dict[s
     """Read, network, geometry, tracker and line one after the other."""
     pipeline, tracker = Pipeline(load(network, threads=threads)), Tracker()
     spent: list[dict[str, float]] = []
+    cpu_s = 0.0
     with open_source(film, loop=True) as source:
-        for _ in range(WARM_UP + frames):
+        for number in range(WARM_UP + frames):
+            if number == WARM_UP:
+                cpu_s = time.process_time()
             marks = [time.perf_counter()]
             frame = source.read()
             assert frame is not None
@@ -144,9 +163,11 @@ def in_turn(film: str, network: str, threads: int | None, frames: int) -> dict[s
             decode, _, track, line = (float(ms) for ms in np.diff(marks) * 1e3)
             steps = {"decode": decode, **decision.timings_ms, "tracker": track, "line": line}
             spent.append({**steps, "total": (marks[-1] - marks[0]) * 1e3})
+        cpu_s = time.process_time() - cpu_s
     kept = spent[WARM_UP:]
     return {
         "per_s": 1e3 * len(kept) / sum(step["total"] for step in kept),
+        "processor_ms": 1e3 * cpu_s / len(kept),
         "stages_ms": _medians(kept),
     }
 
@@ -164,6 +185,7 @@ def _joined(parts: list[dict[str, Any]]) -> dict[str, Any]:
             "highest": max(rates),
             "runs": rates,
         },
+        "processor_ms": float(np.median([part["processor_ms"] for part in parts])),
         "stages_ms": _medians([part["stages_ms"] for part in parts]),
     }
 
