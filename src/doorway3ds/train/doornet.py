@@ -186,13 +186,10 @@ def _decode(features: list[Tensor], config: DoorNetConfig) -> dict[str, Tensor]:
     left = ops.softplus(column_output("left_head"))
     right = ops.softplus(column_output("right_head"))
 
-    whole = join(
-        [
-            ops.max(columns, axis=(2, 3)),
-            ops.mean(columns, axis=(2, 3)),
-            ops.mean(deep, axis=(2, 3)),
-        ]
-    )
+    # what the encoder already knew of scenes, beside what the columns show
+    pooled = [ops.max(columns, axis=(2, 3)), ops.mean(columns, axis=(2, 3))]
+    pooled += [f(x, axis=(2, 3)) for x in (top, semantic_16) for f in (ops.mean, ops.max)]
+    whole = layers.BatchNormalization(momentum=0.9)(join([*pooled, ops.mean(deep, axis=(2, 3))]))
     whole = layers.Dropout(config.dropout)(whole)
     whole = layers.Dense(64, activation="relu")(whole)
     p_open = layers.Dense(1, name="p_open_head")(whole)

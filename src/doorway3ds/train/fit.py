@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 
 from doorway3ds.errors import UserError
 from doorway3ds.train.augment import AugmentConfig, Target, view
-from doorway3ds.train.doornet import DoorNet
+from doorway3ds.train.doornet import DoorNet, split_at
 from doorway3ds.train.engine import ALONE, Team, device_of
 from doorway3ds.train.loop import Loop, LoopConfig, Row, Watcher
 from doorway3ds.train.losses import LossWeights, all_losses
@@ -39,16 +40,13 @@ class Stage:
     learning_rate: float
     thaw: tuple[int, int] = (_NONE, _NONE)
 
-    @property
-    def frozen(self) -> bool:
-        """Whether both encoders stay as they are."""
-        return min(self.thaw) >= _NONE
-
 
 @dataclass(frozen=True)
 class FitConfig:
     """What one training needs besides data.
 
+    encoder_rate: learning rate of the encoders as a share of the rest's; their batch norm is
+    folded, and at the full rate they forget what they have learnt of scenes.
     patience: epochs without a better held-out loss after which a stage ends; 0: never.
     """
 
@@ -57,8 +55,10 @@ class FitConfig:
     batch: int = 16
     weight_decay: float = 1e-3
     shares: Mapping[str, float] | None = None  # share of each source in a batch
+    portrait_shares: Mapping[str, float] | None = None  # in portrait batches; None = the same
     open_share: float = 0.45  # share of pictures with an opening, within each source
     ema: float = 0.99
+    encoder_rate: float = 1.0
     seed: int = 1
     patience: int = 0
 
@@ -90,21 +90,33 @@ class Sampler:
         for sample in samples:
             has_opening, has_none = self._pools.setdefault(sample.source, ([], []))
             (has_opening if sample.spans else has_none).append(sample)
-        shares = dict(config.shares or {})
-        weights = np.array([shares.get(name, 1.0) for name in self._pools], float)
-        self._shares = weights / weights.sum()
+        # a door photographed a hundred times must not teach a hundred times as much
+        sizes = Counter(sample.place for sample in samples)
+        self._chances = {
+            id(pool): np.cumsum([sizes[sample.place] ** -0.5 for sample in pool])
+            for pair in self._pools.values()
+            for pool in pair
+        }
+        self._shares = self._normalised(config.shares)
+        self._portrait_shares = self._normalised(config.portrait_shares or config.shares)
+
+    def _normalised(self, shares: Mapping[str, float] | None) -> np.ndarray:
+        weights = np.array([dict(shares or {}).get(name, 1.0) for name in self._pools], float)
+        return np.asarray(weights / weights.sum())
 
     def draw(self, step: int) -> list[tuple[Sample, Target]]:
         """Batch number `step`, the same for the same seed whatever came before."""
         rng = np.random.default_rng((self._config.seed, step))
         shape = (LANDSCAPE, PORTRAIT, WIDE)[rng.choice(3, p=[0.72, 0.2, 0.08])]
+        shares = self._portrait_shares if shape == PORTRAIT else self._shares
         drawn = []
         for _ in range(self._config.batch):
-            name = list(self._pools)[rng.choice(len(self._pools), p=self._shares)]
+            name = list(self._pools)[rng.choice(len(self._pools), p=shares)]
             has_opening, has_none = self._pools[name]
             wanted = has_opening if rng.random() < self._config.open_share else has_none
             pool = wanted or has_opening or has_none
-            sample = pool[rng.integers(len(pool))]
+            chances = self._chances[id(pool)]
+            sample = pool[int(np.searchsorted(chances, rng.random() * chances[-1]))]
             drawn.append((sample, view(sample, shape, rng, self._augment)))
         return drawn
 
@@ -195,6 +207,8 @@ def fit(
     """
     import keras
 
+    from doorway3ds.train.export import OnnxEncoder
+
     folder.mkdir(parents=True, exist_ok=True)
     keras.utils.set_random_seed(config.seed)
     sampler = Sampler(samples, config, augment)
@@ -204,12 +218,13 @@ def fit(
     epochs = 0
     for number, stage in enumerate(config.stages):
         _thaw(net, stage)
-        # frozen encoders run in ONNX Runtime, which is three times as fast on a CPU
-        apart = stage.frozen and device_of(net.whole).type == "cpu"
-        encode = _frozen(net) if apart else None
+        # what does not learn runs in ONNX Runtime, which is three times as fast on a CPU
+        front, rest = split_at(net, stage.thaw)
+        apart = front is not None and device_of(net.whole).type == "cpu"
+        encode = OnnxEncoder(front) if apart else None
         stem = f"stage-{number}"
         loop = Loop(
-            net.decoder if apart else net.whole,
+            rest if apart else net.whole,
             functools.partial(_losses, weights=weights),
             Drawn(
                 sampler,
@@ -250,12 +265,6 @@ def _thaw(net: DoorNet, stage: Stage) -> None:
         prefix, _, rest = layer.name.partition("_")
         if prefix in ("sem", "fd") and rest[:2].isdigit():
             layer.trainable = int(rest[:2]) >= stage.thaw[prefix == "fd"]
-
-
-def _frozen(net: DoorNet) -> Encode:
-    from doorway3ds.train.export import OnnxEncoder
-
-    return OnnxEncoder(net.encoder)
 
 
 def _optimizer(stage: Stage, config: FitConfig) -> Any:
