@@ -247,3 +247,19 @@ def test_two_processes_learn_what_one_does(tmp_path: Path) -> None:
         for number, weight in enumerate(loop.model.get_weights()):
             assert np.allclose(two[f"arr_{number}"], weight, atol=1e-5)
         assert float(two["loss"]) == pytest.approx(history[-1]["val_loss"], rel=1e-4)
+
+
+def test_slow_variables_take_their_share_of_a_step(tmp_path: Path) -> None:
+    one = LoopConfig(epochs=1, learning_rate=0.01, batch=10, seed=3)
+    plain, _ = make(tmp_path / "plain", one)
+    start = [w.copy() for w in plain.model.get_weights()]
+    plain.run()
+    made, data = make(tmp_path / "paced", one)
+    slow = (made.learns[:1], 0.1)
+    paced = Loop(made.model, losses, data, Noisy(4), one, tmp_path / "paced", slow=slow)
+    paced.run()
+    for index, (old, full, part) in enumerate(
+        zip(start, plain.model.get_weights(), paced.model.get_weights(), strict=True)
+    ):
+        share = 0.1 if index == 0 else 1.0
+        np.testing.assert_allclose(part - old, share * (full - old), rtol=1e-4, atol=1e-7)

@@ -249,6 +249,7 @@ def fit(
             stem=stem,
             identity=digest_of(same, [asdict(s) for s in config.stages[: number + 1]]),
             optimizer=_optimizer(stage, config),
+            slow=_slow(net, config),
             watcher=watcher,
             team=team,
         )
@@ -265,6 +266,12 @@ def _thaw(net: DoorNet, stage: Stage) -> None:
         prefix, _, rest = layer.name.partition("_")
         if prefix in ("sem", "fd") and rest[:2].isdigit():
             layer.trainable = int(rest[:2]) >= stage.thaw[prefix == "fd"]
+
+
+def _slow(net: DoorNet, config: FitConfig) -> tuple[Sequence[Any], float]:
+    if config.encoder_rate == 1:
+        return (), 1.0
+    return net.encoder.trainable_variables, config.encoder_rate
 
 
 def _optimizer(stage: Stage, config: FitConfig) -> Any:

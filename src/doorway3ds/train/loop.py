@@ -99,7 +99,8 @@ class Loop:
     """Trains a Keras model on `train`, in folder/`stem`.npz and folder/`stem`.csv.
 
     identity: what must be the same for a resumed training (data, network, settings).
-    optimizer: a Keras one; Adam by the config where none is given.
+    optimizer: a Keras one; Adam by the config where none is given. slow: variables that take only
+    this share of each of its steps.
     """
 
     def __init__(
@@ -114,6 +115,7 @@ class Loop:
         stem: str = "checkpoint",
         identity: str = "",
         optimizer: Any = None,
+        slow: tuple[Sequence[Any], float] = ((), 1.0),
         watcher: Watcher | None = None,
         team: Team = ALONE,
     ) -> None:
@@ -131,6 +133,7 @@ class Loop:
             config.learning_rate, amsgrad=config.amsgrad
         )
         self.learns = list(model.trainable_variables)
+        self._slow, self._pace = list(slow[0]), slow[1]
         self.optimizer.build(self.learns)
         weights = {id(weight) for weight in model.weights}
         self._noise = [v for v in model.variables if id(v) not in weights]
@@ -156,7 +159,7 @@ class Loop:
                 self._one_epoch(state)
         if self._average:
             self._average.put()
-        if self.config.patience and self.team.leads and state.history:
+        if self.config.patience and self.team.leads and state.best_epoch:
             arrays, _ = checkpoint.load(self.best)
             self._put("w", self.model.weights, arrays, self.best)
         self.team.align(self.model.weights)
@@ -244,7 +247,11 @@ class Loop:
             )
         scale = min(1.0, self.config.clip_norm / max(float(norm), 1e-12))
         with torch.no_grad():
+            # Keras' optimizers know one rate only; a share of the step is a share of the rate
+            before = [v.value.detach().clone() for v in self._slow]
             self.optimizer.apply([g * scale for g in grads], self.learns)
+            for variable, old in zip(self._slow, before, strict=True):
+                variable.value.copy_(torch.lerp(old, variable.value, self._pace))
         self.learned = True
         if self._average:
             self._average.follow(int(self.optimizer.iterations.value))
