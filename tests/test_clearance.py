@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from doorway3ds.camera import PRESETS, Pose, preset
-from doorway3ds.clearance import ClearanceParams, label_groups, sweep
+from doorway3ds.clearance import ClearanceParams, label_groups, look_down, sweep
 from doorway3ds.decision import Gates, decide
 from doorway3ds.floor import build_scene
 from doorway3ds.opening import OpeningParams, select_opening
@@ -176,16 +176,38 @@ def test_limits_grow_with_a_networks_error():
     assert select(tall, depth_error=0.2).clear is False
 
 
-def test_the_floor_mask_votes_only_on_a_networks_depth():
+def test_the_floor_mask_vetoes_only_a_networks_depth():
     view = render(Room(boxes=(cube(0.45, 1.6, 0.0),)), NAO, NAO_POSE)
     all_floor = np.where(view.ids == 0, 1.0, view.floor).astype(np.float32)
     assert select(view, floor=all_floor).clear is False
     assert select(view, floor=all_floor, depth_error=0.1).clear is True
+
+
+def test_what_a_network_does_not_call_floor_blocks_although_its_depth_is_flat():
+    view = render(Room(boxes=(cube(0.45, 1.6, 0.0),)), NAO, NAO_POSE)
     flat = render(Room(), NAO, NAO_POSE)
     holes = np.where(view.ids == 0, 0.0, flat.floor).astype(np.float32)
-    strict = OpeningParams(clearance=ClearanceParams(mask_blocks=0.3))
-    assert select(flat, floor=holes, depth_error=0.1).clear is True
-    assert select(flat, strict, floor=holes, depth_error=0.1).clear is False
+    assert select(flat, floor=holes).clear is True  # true depth needs no mask
+    found = select(flat, floor=holes, depth_error=0.1)
+    assert found.clear is False
+    assert found.evidence["obstacle_m"] == pytest.approx(1.6, abs=0.4)
+    # Of a hand-held camera only the fit says where the way lies in the picture.
+    held = replace(flat, pose=replace(NAO_POSE, height_m=None))
+    assert select(held, floor=holes, depth_error=0.1).clear is True
+    lax = OpeningParams(clearance=ClearanceParams(mask_blocks=1.1))
+    assert select(flat, lax, floor=holes, depth_error=0.1).clear is True
+
+
+def test_looking_down_shows_what_stands_before_the_feet():
+    room = Room(boxes=(Box(0.85, 0.0, (0.2, 0.3), 0.0, 0.1),))
+    down = replace(NAO_POSE, pitch_deg=NAO_POSE.pitch_deg - 10.0)
+    assert select(render(room, NAO, NAO_POSE)).clear is True  # under the picture's lower edge
+    for boxes, clear in (((), True), (room.boxes, False)):
+        view = render(Room(boxes=boxes), NAO, down)
+        for depth_error in (0.0, 0.16):
+            truth = replace(view.perception(), depth_error=depth_error)
+            scene = build_scene(truth, view.frame())
+            assert look_down(scene, NAO, 0.0, 2.5, ClearanceParams()).clear is clear
 
 
 def test_bigger_maps_are_thinned_and_keep_the_lowest_row():

@@ -8,7 +8,7 @@ and sees something lower: a step down. What the camera cannot see is unknown, ne
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,8 +34,12 @@ class ClearanceParams:
     group_gain: added to it per unit of depth error, as a fraction of the grid's points.
     floor_veto: with a network's depth, a group blocks only if at most this fraction of its
         points is called floor by the floor mask (1: the mask has no say).
-    mask_blocks: with a network's depth, this fraction of the footprint called not floor blocks
-        even where the depth sees nothing (above 1: never).
+    mask_blocks: with a network's depth and a camera of known height, this fraction of the way
+        called not floor blocks, whatever depth and vote say (above 1: never). Of a hand-held
+        camera the way's place in the picture hangs on the depth, and the mask has no say.
+    mask_down: the same where the camera looks down along the way (`look_down`).
+    mask_margin_m, mask_reach: that way is wider than the robot, since a network's doorway is off
+        by a few centimetres, and ends at this fraction of the range, before the threshold.
     vote_blocks: with a network's depth, the network's own probability that the way is free
         blocks below this even where the depth sees nothing (0: never).
     vote_alone: the same limit where the depth shows no floor on the way, so that nothing but
@@ -53,7 +57,10 @@ class ClearanceParams:
     min_group: float = 3.0
     group_gain: float = 0.02
     floor_veto: float = 0.5
-    mask_blocks: float = 1.1
+    mask_blocks: float = 0.1
+    mask_down: float = 0.3
+    mask_margin_m: float = 0.06
+    mask_reach: float = 0.93
     vote_blocks: float = 0.0
     vote_alone: float = 0.0
     vote_frees: float = 1.1
@@ -116,18 +123,18 @@ def sweep(
     way_x, way_y, way_z = scene.directions
     half = params.width_m / 2
 
-    def inside(px: Array, py: Array) -> tuple[Mask, Array]:
-        along = px * way[0] + py * way[1]
-        aside = np.abs(py * way[0] - px * way[1])
-        return (aside <= half) & (along >= params.start_m), along
+    def place(px: Array, py: Array) -> tuple[Array, Array]:
+        return px * way[0] + py * way[1], np.abs(py * way[0] - px * way[1])
 
     with np.errstate(invalid="ignore", divide="ignore"):
         fall = scene.lens[2] / -way_z
         ground_x = scene.lens[0] + way_x * fall
         ground_y = scene.lens[1] + way_y * fall
-        on_ground, ground_along = inside(ground_x, ground_y)
-        on_ground &= fall > 0
-        in_way, along = inside(x, y)
+        ground_along, ground_aside = place(ground_x, ground_y)
+        ahead = (fall > 0) & (ground_along >= params.start_m)
+        on_ground = ahead & (ground_aside <= half)
+        along, aside = place(x, y)
+        in_way = (aside <= half) & (along >= params.start_m)
         limit = np.minimum(
             params.min_height_m + params.height_gain * scene.depth_error * along,
             params.max_height_limit_m,
@@ -142,20 +149,22 @@ def sweep(
     block = _largest_group(high, floor, size, veto)
     if block is None:
         block = _largest_group(low, floor, size, veto)
+    if vote is not None and vote >= params.vote_frees:
+        block = None
 
     seen = on_ground & (flat if scene.depth_error == 0 or floor is None else floor)
     distances = np.sort(ground_along[seen])
     # The third nearest pixel: one stray pixel is no floor.
     floor_from = float(distances[min(2, distances.size - 1)]) if distances.size else None
-    if block is None and scene.depth_error > 0 and floor is not None and floor_from is not None:
-        way_pixels = on_ground & (ground_along <= reach) & (ground_along >= floor_from)
-        bare = way_pixels & ~floor
-        if np.count_nonzero(bare) > params.mask_blocks * np.count_nonzero(way_pixels):
-            block = bare
+    if block is None and scene.depth_error > 0 and scene.height_known and floor is not None:
+        wide = ahead & (ground_aside <= half + params.mask_margin_m / 2)
+        wide &= ground_along <= params.mask_reach * reach
+        bare = wide & ~floor
+        least_bare = params.mask_blocks * np.count_nonzero(wide)
+        if np.count_nonzero(bare) > max(params.min_group, least_bare):
+            block, along = bare, ground_along
 
     seen_floor = floor_from is not None and floor_from < reach
-    if vote is not None and vote >= params.vote_frees:
-        block = None
     least = params.vote_blocks if seen_floor else params.vote_alone
     clear = None
     obstacle_px, obstacle_m = None, None
@@ -178,6 +187,17 @@ def sweep(
         obstacle_m=obstacle_m,
         floor_plane=scene.plane,
     )
+
+
+def look_down(
+    scene: Scene, camera: Camera, bearing_deg: float, range_m: float | None, params: ClearanceParams
+) -> Clearance:
+    """The sweep for a picture that is taken with the head down, along a way that was found free.
+
+    Of a network only its floor mask counts: steep views are where its depth and vote are worst.
+    """
+    params = replace(params, mask_blocks=params.mask_down, vote_frees=0.0)
+    return sweep(scene, camera, bearing_deg, range_m, params, vote=1.0)
 
 
 def _corridor(way: Array, near: float, far: float, width: float) -> Array:

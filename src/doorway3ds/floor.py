@@ -66,7 +66,8 @@ class Scene:
     The origin lies under the turning axis. Arrays are (h, w) unless told otherwise, on a thinned
     grid of the depth map; its rows and columns stand in the picture at rows_px, columns_px.
     directions: (3, h, w) rays in the floor frame with unit step along the optical axis.
-    plane: None where the floor is unknown; z then counts from the lens.
+    plane: None where the floor is unknown; z then counts from the lens. height_known: whether the
+    lens's height is known from the pose, rather than from the fit alone.
     turn: (3, 3) camera frame -> floor frame. lens: its position in the floor frame.
     """
 
@@ -80,6 +81,7 @@ class Scene:
     turn: Array
     lens: Array
     plane: FloorPlane | None
+    height_known: bool
     depth_error: float
 
 
@@ -129,6 +131,7 @@ def build_scene(
         turn=turn,
         lens=lens,
         plane=plane,
+        height_known=frame.pose.height_m is not None,
         depth_error=perception.depth_error,
     )
 

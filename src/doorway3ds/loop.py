@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Protocol
 
@@ -46,6 +46,10 @@ _STATUS = {
 }
 
 
+SAME_WAY_DEG = 6.0
+"""A way this near to one that was looked down along is that way."""
+
+
 class Frames(Protocol):
     """The part of a source that the loop needs."""
 
@@ -59,8 +63,10 @@ class LoopParams:
     search_deg: one step of the search; glance_deg: of a look to the side of a cut doorway, at most.
     settle_s: how long after a turn pictures are still blurred. frame_s: without a fresh picture
     for so long the camera is lost. blocked_looks, blocked_s: how often to look at a blocked way,
-    and how long to wait in between. unsure_looks: looks that end in nothing. goes: turns towards
-    a doorway before it gives up on ever facing it.
+    and how long to wait in between; freed_looks: in a row that must call a way free that was
+    blocked, since a network's answer may flicker. down_deg: how far the head is lowered to look
+    along the way before the robot commits itself (0: never). unsure_looks: looks that end in
+    nothing. goes: turns towards a doorway before it gives up on ever facing it.
     """
 
     aligned_deg: float = 3.0
@@ -70,6 +76,8 @@ class LoopParams:
     frame_s: float = 5.0
     blocked_looks: int = 3
     blocked_s: float = 2.0
+    freed_looks: int = 2
+    down_deg: float = 10.0
     unsure_looks: int = 4
     goes: int = 6
 
@@ -90,7 +98,7 @@ class Report:
 class _Action:
     """Either a turn (deg, kind), a wait, or an end."""
 
-    kind: str  # "go", "glance", "search", "wait", "end"
+    kind: str  # "go", "glance", "search", "look down", "wait", "end"
     turn_deg: float = 0.0
     outcome: Outcome | None = None
     why: str = ""
@@ -105,7 +113,9 @@ class Loop:
     """One run. tell: is called with one line about each look and turn.
 
     decide: the decision for a frame, given the bearing at which the doorway that was turned to last
-    should be, None without one. clock, sleep: the frames' clock, and how to wait on it.
+    should be, None without one. check: whether the way to a decided doorway is free in a frame that
+    looks down along it; without it no head is lowered. clock, sleep: the frames' clock, and how to
+    wait on it.
     """
 
     def __init__(
@@ -115,18 +125,21 @@ class Loop:
         driver: Driver,
         params: LoopParams | None = None,
         *,
+        check: Callable[[Frame, Decision], bool | None] | None = None,
         log: RunLog | None = None,
         tell: Callable[[str], None] = lambda line: None,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self._source, self._decide, self._driver = source, decide, driver
+        self._check = check
         self._params, self._log, self._tell = params or LoopParams(), log or RunLog(None), tell
         self._clock, self._sleep = clock, sleep
         self._ready_s = -math.inf
         self._looks = self._goes = self._searches = 0
-        self._blocked = self._unsure = self._stale = 0
+        self._blocked = self._freed = self._unsure = self._stale = 0
         self._searched_deg = 0.0
+        self._checked_deg: float | None = None
         self._side = 1.0
         self._expected_deg: float | None = None
 
@@ -166,7 +179,8 @@ class Loop:
                 return Outcome.LOST, "no fresh picture comes from the camera"
             decision = self._decide(frame, self._expected_deg)
             self._looks += 1
-            action = self._plan(decision)
+            checks = self._unchecked(decision)
+            action = _Action("look down") if checks else self._plan(decision)
             self._log.look(self._looks, decision, str(action), self._expected_deg)
             self._tell(f"look {self._looks}: {decision.reason} -> {action}")
             if action.outcome is not None:
@@ -174,7 +188,7 @@ class Loop:
             if action.kind == "wait":
                 self._wait(self._params.blocked_s)
                 continue
-            end = self._turn(action, frame)
+            end = self._look_down(decision) if checks else self._turn(action, frame)
             if end is not None:
                 return end
 
@@ -196,6 +210,10 @@ class Loop:
     def _plan(self, decision: Decision) -> _Action:
         """What to do about one decision."""
         params = self._params
+        if decision.reason in (Reason.TURN, Reason.ALIGNED) and self._blocked:
+            self._freed += 1
+            if self._freed < params.freed_looks:
+                return _Action("wait")
         if decision.reason is Reason.TURN and decision.turn_deg is not None:
             self._blocked = self._unsure = 0
             self._searched_deg = 0.0
@@ -210,6 +228,7 @@ class Loop:
             return _Action("end", outcome=Outcome.ALIGNED, why="it faces the doorway")
         if decision.reason is Reason.BLOCKED:
             self._blocked += 1
+            self._freed = 0
             if self._blocked >= params.blocked_looks or not self._driver.move:
                 why = f"the way is blocked in {self._blocked} looks"
                 return _Action("end", outcome=Outcome.BLOCKED, why=why)
@@ -219,6 +238,42 @@ class Loop:
         if decision.reason is Reason.NO_DOOR:
             return self._search()
         return _Action("end", outcome=Outcome.LOST, why="the doorway is lost")
+
+    def _unchecked(self, decision: Decision) -> bool:
+        """Whether the robot should look down along the way before it does as decided."""
+        bearing = decision.selection.bearing_deg
+        if self._check is None or not self._driver.move or self._params.down_deg <= 0:
+            return False
+        if decision.reason not in (Reason.TURN, Reason.ALIGNED) or bearing is None:
+            return False
+        return self._checked_deg is None or abs(bearing - self._checked_deg) > SAME_WAY_DEG
+
+    def _look_down(self, decision: Decision) -> tuple[Outcome, str] | None:
+        """Looks for what stands below the level picture; an outcome where that ends the run."""
+        if self._check is None:
+            return None
+        found, params = decision.selection, self._params
+        self._checked_deg = found.bearing_deg
+        before = self._driver.aim(found.bearing_deg or 0.0, -params.down_deg)
+        if before is None:  # no head to lower
+            return None
+        self._ready_s = self._clock() + params.settle_s
+        frame = self._fresh()
+        self._driver.aim(*before)
+        self._ready_s = self._clock() + params.settle_s
+        if frame is None:
+            return Outcome.LOST, "no fresh picture comes from the camera"
+        clear = self._check(frame, decision)
+        self._log.down(self._looks, frame, found, clear)
+        self._tell(f"look down: {'free' if clear is not False else 'blocked'}")
+        if clear is not False:
+            return None
+        self._checked_deg = None
+        action = self._plan(replace(decision, reason=Reason.BLOCKED, turn_deg=None))
+        if action.outcome is not None:
+            return action.outcome, action.why
+        self._wait(params.blocked_s)
+        return None
 
     def _make_sure(self, decision: Decision) -> _Action:
         params, found = self._params, decision.selection
@@ -260,6 +315,7 @@ class Loop:
                 return Outcome.UNSURE, str(error)
             return None
         self._ready_s = self._clock() + self._params.settle_s
+        self._checked_deg = None
         self._count(action, result)
         # Where the doorway should be now; a glance or a search follows none.
         self._expected_deg = None

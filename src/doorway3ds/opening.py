@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from doorway3ds.camera import bearing_of_pixel, pixel_to_ray
-from doorway3ds.clearance import Clearance, ClearanceParams, sweep
+from doorway3ds.clearance import Clearance, ClearanceParams, look_down, sweep
 from doorway3ds.floor import FloorParams, Scene, build_scene
 from doorway3ds.threshold import ThresholdParams, Walls, locate_threshold, see_walls
 from doorway3ds.types import ColumnVotes, Frame, Opening, Perception, Selection
@@ -133,6 +133,21 @@ def select_opening(
         look=look,
         evidence={} if way is None else way.evidence(),
     )
+
+
+def way_below(
+    perception: Perception,
+    frame: Frame,
+    bearing_deg: float,
+    range_m: float | None,
+    params: OpeningParams | None = None,
+) -> bool | None:
+    """Whether a way is free in a picture taken with the head down along it; None: unknown."""
+    params = params or OpeningParams()
+    scene = build_scene(perception, frame, params.floor)
+    if scene is None:
+        return None
+    return look_down(scene, frame.camera, bearing_deg, range_m, params.clearance).clear
 
 
 def _vote(votes: ColumnVotes, best: Opening, width: int) -> float | None:

@@ -16,7 +16,7 @@ from doorway3ds.errors import UserError
 from doorway3ds.images import read_image
 from doorway3ds.networks.base import Joined, Network, thresholds_of
 from doorway3ds.networks.registry import load
-from doorway3ds.opening import OpeningParams, select_opening
+from doorway3ds.opening import OpeningParams, select_opening, way_below
 from doorway3ds.paper import select_paper
 from doorway3ds.params import override
 from doorway3ds.relative import in_metres
@@ -112,6 +112,14 @@ class Pipeline:
     def perceive(self, frame: Frame) -> Perception:
         """The first half of `decide`, the network's: most of the time, outside Python's lock."""
         return in_metres(self.network(frame.image, frame.camera), frame)
+
+    def check_way(self, frame: Frame, decision: Decision) -> bool | None:
+        """Whether the way to a decided doorway is free in a frame that looks down along it."""
+        found = decision.selection
+        if found.bearing_deg is None:
+            return None
+        perception = self.perceive(frame)
+        return way_below(perception, frame, found.bearing_deg, found.range_m, self.params)
 
     def conclude(self, frame: Frame, perception: Perception) -> Decision:
         """The second half: what follows from what the network saw in the frame."""

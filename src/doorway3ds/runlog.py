@@ -2,6 +2,7 @@
 
     start   method, network, gates, limits, source, robot, version
     look    step, image, camera, pose, stamp_s, expected_deg, decision, action
+    down    step, image, camera, pose, stamp_s, bearing_deg, range_m, clear
     turn    step, asked_deg, turned_deg, end, took_s
     end     outcome, turns, took_s
 
@@ -25,7 +26,7 @@ from doorway3ds.camera import Camera, Pose
 from doorway3ds.errors import UserError
 from doorway3ds.files import write_bytes
 from doorway3ds.images import read_image, write_image
-from doorway3ds.types import ColumnVotes, Decision, Frame, Perception
+from doorway3ds.types import ColumnVotes, Decision, Frame, Perception, Selection
 
 LOG = "run.jsonl"
 
@@ -81,19 +82,30 @@ class RunLog:
         """
         if self.folder is None:
             return
-        self._pictures += 1
-        frame = decision.frame
-        name = f"{self._pictures:04d}.png"
-        write_image(self.folder / name, frame.image)
         kept = {}
+        name = self._picture(self.folder, decision.frame)
         if self._perception:
             kept["perception"] = f"{self._pictures:04d}.npz"
             write_bytes(self.folder / kept["perception"], _packed(decision.perception))
         self.write(
-            "look", step=step, image=name, camera=asdict(frame.camera), pose=asdict(frame.pose),
-            stamp_s=frame.stamp_s, expected_deg=expected_deg, **kept,
-            decision=decision.to_dict(name), action=action,
+            "look", step=step, image=name, **_taken(decision.frame), expected_deg=expected_deg,
+            **kept, decision=decision.to_dict(name), action=action,
         )  # fmt: skip
+
+    def down(self, step: int, frame: Frame, way: Selection, clear: bool | None) -> None:
+        """A picture taken with the head down along a way, and whether it shows it free."""
+        if self.folder is None:
+            return
+        self.write(
+            "down", step=step, image=self._picture(self.folder, frame), **_taken(frame),
+            bearing_deg=way.bearing_deg, range_m=way.range_m, clear=clear,
+        )  # fmt: skip
+
+    def _picture(self, folder: Path, frame: Frame) -> str:
+        self._pictures += 1
+        name = f"{self._pictures:04d}.png"
+        write_image(folder / name, frame.image)
+        return name
 
     def close(self) -> None:
         if self._file is not None:
@@ -110,6 +122,14 @@ class RunLog:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def _taken(frame: Frame) -> dict[str, Any]:
+    return {
+        "camera": asdict(frame.camera),
+        "pose": asdict(frame.pose),
+        "stamp_s": frame.stamp_s,
+    }
 
 
 @dataclass(frozen=True)

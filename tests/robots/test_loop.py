@@ -102,6 +102,83 @@ def loop(
     )
 
 
+def test_a_way_that_was_blocked_must_be_called_free_twice_in_a_row() -> None:
+    turn = (Reason.TURN, 20.0)
+    for answers, goes in (
+        ([Reason.BLOCKED, turn, Reason.BLOCKED, turn, Reason.BLOCKED], 0),
+        ([Reason.BLOCKED, turn, turn, Reason.ALIGNED], 1),
+    ):
+        world, script = World(), iter(answers)
+
+        def decide(frame: Frame, script: Any = script) -> Decision:
+            answer = next(script)
+            reason, bearing = answer if isinstance(answer, tuple) else (answer, 0.0)
+            return decision(frame, reason, bearing)
+
+        report = loop(world, decide).run()
+        assert report.goes == goes
+        assert report.outcome is (Outcome.ALIGNED if goes else Outcome.BLOCKED)
+
+
+class Headed(World):
+    """A world whose robot has a head; `aims` are its movements."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.head = (0.0, 5.0)
+        self.aims: list[tuple[float, float]] = []
+
+    def aim(self, yaw_deg: float, pitch_deg: float) -> tuple[float, float] | None:
+        before, self.head = self.head, (yaw_deg, pitch_deg)
+        self.aims.append(self.head)
+        self.now += 0.5
+        return before
+
+
+def looking_down(world: Headed, clear: bool, log: RunLog | None = None) -> Loop:
+    """A loop towards a door at 25 deg; looking down shows its way free, or not."""
+
+    def decide(frame: Frame, expected_deg: float | None) -> Decision:
+        assert world.head == (0.0, 5.0)  # level decisions are made with a level head
+        return sees(world, 25.0)(frame)
+
+    def check(frame: Frame, found: Decision) -> bool:
+        assert world.aims[-2] == (found.selection.bearing_deg, -10.0)  # and back again
+        return clear
+
+    driver = Driver(world, move=True, clock=lambda: world.now)
+    return Loop(
+        world, decide, driver, check=check, log=log, clock=lambda: world.now, sleep=world.sleep
+    )
+
+
+def test_it_looks_down_along_the_way_before_it_turns_and_before_it_is_content() -> None:
+    world = Headed()
+    report = looking_down(world, True).run()
+    assert (report.outcome, report.goes) == (Outcome.ALIGNED, 1)
+    assert world.aims == [(25.0, -10.0), (0.0, 5.0), (0.0, -10.0), (0.0, 5.0)]
+
+
+def test_it_does_not_turn_where_looking_down_shows_something(tmp_path: Path) -> None:
+    world = Headed()
+    with RunLog(tmp_path / "run") as log:
+        log.write("start")
+        report = looking_down(world, False, log).run()
+    assert (report.outcome, world.turns) == (Outcome.BLOCKED, [])
+    events = read_log(tmp_path / "run")
+    downs = [e for e in events if e["event"] == "down"]
+    assert [e["clear"] for e in downs] == [False] * 3
+    assert all((tmp_path / "run" / e["image"]).exists() for e in downs)
+    assert len(list(looks(tmp_path / "run", events))) == report.looks
+
+
+def test_without_permission_no_head_is_moved() -> None:
+    world = Headed()
+    driver = Driver(world, move=False, clock=lambda: world.now)
+    assert driver.aim(0.0, -10.0) is None
+    assert world.aims == []
+
+
 def test_it_turns_until_it_faces_the_doorway_although_it_slips() -> None:
     world = World(slip=0.2)
     report = loop(world, sees(world, 25.0)).run()

@@ -54,6 +54,18 @@ def test_it_stands_up_turns_and_says(virtual: Any) -> None:
     assert nao.body.awake  # it never rests by itself
 
 
+def test_it_turns_its_head_as_far_as_that_goes_and_says_where_it_was(virtual: Any) -> None:
+    nao, where = virtual()
+    robot = robot_at(where)
+    robot.prepare()
+    assert robot.aim(20.0, -10.0) == pytest.approx((0.0, 0.0), abs=0.01)
+    assert nao.body.angle("HeadYaw") == pytest.approx(np.radians(20.0), abs=1e-3)
+    assert nao.body.angle("HeadPitch") == pytest.approx(np.radians(10.0), abs=1e-3)  # + is down
+    assert robot.aim(0.0, -80.0) == pytest.approx((20.0, -10.0), abs=0.1)
+    assert nao.body.angle("HeadPitch") == pytest.approx(0.5149, abs=1e-3)
+    robot.close()
+
+
 @pytest.mark.parametrize("colour", ["rgb", "bgr", "yuv422", "grey"])
 def test_pictures_have_their_colours_camera_and_pose(virtual: Any, colour: str) -> None:
     nao, where = virtual()

@@ -104,7 +104,8 @@ def run(
             decision = pipeline.decide(frame)
             return follow(decision, expected_deg, pipeline.params, pipeline.gates)
 
-        report = Loop(found, decide, driver, params, log=record, tell=_tell).run()
+        check = pipeline.check_way if method == "opening" else None
+        report = Loop(found, decide, driver, params, check=check, log=record, tell=_tell).run()
         if say and move:
             with contextlib.suppress(UserError):
                 legs.say(_SAID.get(report.outcome, "I stopped."))

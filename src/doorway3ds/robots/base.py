@@ -102,6 +102,13 @@ class Robot(Protocol):
         """
         ...
 
+    def aim(self, yaw_deg: float, pitch_deg: float) -> tuple[float, float] | None:
+        """Turns the head, + left and + up, as far as it goes; returns when it is there.
+
+        Gives where the head was before, None where there is no head to turn.
+        """
+        ...
+
     def stop(self) -> None:
         """Stops all motion. Allowed at any time and from any thread."""
 
@@ -123,6 +130,9 @@ class DryRobot:
 
     def turn(self, theta_deg: float, timeout_s: float) -> TurnResult:
         return TurnResult(theta_deg, 0.0, TurnEnd.DRY, 0.0)
+
+    def aim(self, yaw_deg: float, pitch_deg: float) -> tuple[float, float] | None:
+        return None
 
     def stop(self) -> None:
         return
@@ -201,6 +211,12 @@ class Driver:
         if result.end in HALTING:
             self._halted = result.end
         return result
+
+    def aim(self, yaw_deg: float, pitch_deg: float) -> tuple[float, float] | None:
+        """Turns the head, as `Robot.aim`; not without permission, nor on a halted robot."""
+        if not self.move or self._halted is not None:
+            return None
+        return self.robot.aim(yaw_deg, pitch_deg)
 
     def stop(self) -> None:
         """Stops the robot if it was ever allowed to move."""

@@ -25,7 +25,9 @@ from doorway3ds.robots.base import (
 from doorway3ds.robots.naoqi import Naoqi, address
 
 POSTURE, POSTURE_SPEED = "StandInit", 0.5
+HEAD = ["HeadYaw", "HeadPitch"]
 HEAD_S = 1.0
+AIM_S = 0.5
 ARRIVED_DEG = 3.0
 _PREPARE_S = 30.0
 _STOP_S = 2.0
@@ -73,10 +75,7 @@ class NaoRobot:
             )
             if stood is False:
                 raise RobotError(f"{self.name} did not reach the posture {POSTURE}")
-            call(
-                "ALMotion", "angleInterpolation", ["HeadYaw", "HeadPitch"], [0.0, 0.0],
-                [HEAD_S, HEAD_S], True, timeout_s=HEAD_S + self._naoqi.timeout_s,
-            )  # fmt: skip
+            self._turn_head([0.0, 0.0], HEAD_S)
         except BaseException:
             self._quietly_stop()
             raise
@@ -104,6 +103,12 @@ class NaoRobot:
         if end is TurnEnd.DONE and turned is not None and abs(turned - theta_deg) > ARRIVED_DEG:
             end = TurnEnd.STOPPED
         return TurnResult(theta_deg, turned, end, time.monotonic() - began)
+
+    def aim(self, yaw_deg: float, pitch_deg: float) -> tuple[float, float] | None:
+        yaw, pitch = self._naoqi.call("ALMotion", "getAngles", HEAD, True)
+        # NAOqi's pitch is + down; it clips to the joints' limits itself.
+        self._turn_head([math.radians(yaw_deg), -math.radians(pitch_deg)], AIM_S)
+        return math.degrees(yaw), -math.degrees(pitch)
 
     def stop(self) -> None:
         """Stops; over a new connection where the old one is gone.
@@ -134,6 +139,12 @@ class NaoRobot:
 
     def close(self) -> None:
         self._naoqi.close()
+
+    def _turn_head(self, angles: list[float], took_s: float) -> None:
+        self._naoqi.call(
+            "ALMotion", "angleInterpolation", HEAD, angles, [took_s, took_s], True,
+            timeout_s=took_s + self._naoqi.timeout_s,
+        )  # fmt: skip
 
     def _react(self, event: str, value: Any) -> None:
         """Bumper, fall or lost ground: stop at once, from the thread that hears of it."""

@@ -17,7 +17,7 @@ from doorway3ds.decision import decide
 from doorway3ds.follow import follow
 from doorway3ds.loop import Loop, LoopParams, Outcome
 from doorway3ds.networks.base import Network
-from doorway3ds.opening import columns_from_spans, select_opening
+from doorway3ds.opening import columns_from_spans, select_opening, way_below
 from doorway3ds.paper import select_paper
 from doorway3ds.pipeline import Pipeline
 from doorway3ds.robots.base import Driver, TurnResult
@@ -136,13 +136,20 @@ def play(
         watch(decision, world)
         return decision
 
+    def check(frame: Frame, decision: Decision) -> bool | None:
+        if pipeline is not None:
+            return pipeline.check_way(frame, decision)
+        found = decision.selection
+        return way_below(_perfect(eyes, frame), frame, found.bearing_deg or 0.0, found.range_m)
+
     def note(line: str) -> None:
         if line.startswith("look") and "-> go" in line:
             goes.append(len(robot.away))
 
     driver = Driver(robot, move=True, clock=clock.now)
     report = Loop(
-        eyes, look, driver, params, tell=note, clock=clock.now, sleep=clock.sleep
+        eyes, look, driver, params, check=check if method == "opening" else None,
+        tell=note, clock=clock.now, sleep=clock.sleep,
     ).run()  # fmt: skip
     wrong = sum(robot.away[k] for k in goes if k < len(robot.away))
     off, clear = _off(studio, world)
@@ -167,16 +174,20 @@ def play(
     )
 
 
-def _true_decision(eyes: _Eyes, frame: Frame, method: Method) -> Decision:
+def _perfect(eyes: _Eyes, frame: Frame) -> Perception:
     if eyes.truth is None or eyes.depth is None:
         raise RuntimeError("a decision needs a look")
     spans = [(o.left_px, o.right_px) for o in eyes.truth.openings]
-    perception = Perception(
+    return Perception(
         p_open=float(bool(spans)),
         columns=columns_from_spans(spans, frame.camera.width),
         depth_m=eyes.depth,
         floor=eyes.truth.floor.astype(np.float32),
     )
+
+
+def _true_decision(eyes: _Eyes, frame: Frame, method: Method) -> Decision:
+    perception = _perfect(eyes, frame)
     if method == "paper":
         return decide(perception, select_paper(perception, frame), frame, method)
     return decide(perception, select_opening(perception, frame), frame, method)

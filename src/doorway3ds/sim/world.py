@@ -26,6 +26,7 @@ from doorway3ds.sim.truth import Truth, truth_of
 
 T = TypeVar("T")
 VIEWS_KEPT = 8
+AIM_S = 0.5
 
 
 class Studio:
@@ -209,6 +210,14 @@ class SimRobot:
         turned = self._body.odometry()[2] - before
         end = TurnEnd.DONE if arrived else TurnEnd.STOPPED
         return TurnResult(theta_deg, turned, end, clock.now() - start)
+
+    def aim(self, yaw_deg: float, pitch_deg: float) -> tuple[float, float] | None:
+        body = self._body
+        before = body.angle("HeadYaw"), body.angle("HeadPitch")
+        body.aim("HeadYaw", math.radians(yaw_deg), 1e9)
+        body.aim("HeadPitch", -math.radians(pitch_deg), 1e9)
+        body.clock.sleep(AIM_S)
+        return math.degrees(before[0]), -math.degrees(before[1])
 
     def stop(self) -> None:
         self._body.stop()
