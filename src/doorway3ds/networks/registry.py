@@ -107,7 +107,7 @@ MODELS: Mapping[str, Model] = {
             contract="RGB, ImageNet mean and deviation, 1x3xHxW, H and W multiples of 14",
             make=f"`3ds models fetch {presets.METRIC}`",
             licence="Apache-2.0",
-            # The hub holds this model as PyTorch weights only; this is the usual ONNX export.
+            # Its authors' files on the hub are PyTorch weights; this is the usual ONNX export.
             url="https://github.com/fabio-sim/Depth-Anything-ONNX/releases/download/v2.0.0/"
             "depth_anything_v2_vits_indoor_dynamic.onnx",
             sha256="2e25a3f332b34d885a1b3059cab471f7916a36099325810821b2d6e0471f74ad",
