@@ -63,6 +63,10 @@ def doornet(
         int | None,
         typer.Option(metavar="K", help="Keep fold K, too, from training and from calibration."),
     ] = None,
+    marks: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="CSV with exact openings for pictures that lack them."),
+    ] = None,
     calibration: Annotated[
         Path | None,
         typer.Option(metavar="CARD", help="doornet.json of a held-out run, for one on everything."),
@@ -109,6 +113,7 @@ def doornet(
         out,
         hold_out=fold,
         report=None if report is None else report - 1,
+        marks=marks,
         calibration=calibration,
         init=init,
         resume=resume,

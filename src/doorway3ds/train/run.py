@@ -26,6 +26,7 @@ from doorway3ds.train.engine import ALONE, Team, wants_half
 from doorway3ds.train.export import Calibration, export_onnx
 from doorway3ds.train.fit import collate, fit, plain_shape
 from doorway3ds.train.loop import Watcher
+from doorway3ds.train.marks import apply_marks, read_marks
 from doorway3ds.train.recipe import Recipe
 from doorway3ds.train.samples import (
     Sample,
@@ -173,6 +174,7 @@ def train_doornet(
     *,
     hold_out: tuple[int, int] | None = None,
     report: int | None = None,
+    marks: Path | None = None,
     calibration: Path | None = None,
     init: Path | None = None,
     resume: bool = False,
@@ -184,8 +186,8 @@ def train_doornet(
     """Trains, calibrates, exports out/doornet.onnx, reports; returns what the card says.
 
     hold_out: (fold, folds) of places kept for calibration, limits and early stopping. report: a
-    further fold that is kept from everything but the report. calibration: the card of an
-    earlier held-out run, for a training on everything. init: weights of an earlier run of the
+    further fold that is kept from everything but the report. marks: closer marks for some of the
+    pictures (see `read_marks`). calibration: the card of an earlier held-out run, for a training on everything. init: weights of an earlier run of the
     same recipe's network to start from.
     """
     import keras
@@ -197,6 +199,8 @@ def train_doornet(
             "--patience and the recipe's patience out"
         )
     samples = read_all(folders, teachers, recipe)
+    if marks is not None:
+        samples = apply_marks(samples, read_marks(marks))
     kept, held = split(samples, *hold_out, report) if hold_out else (samples, [])
     keras.utils.set_random_seed(recipe.fit.seed)
     net = build_doornet(teachers.semantic, teachers.depth, recipe.network)
@@ -242,6 +246,7 @@ def train_doornet(
         if report is None or not hold_out
         else f"{report + 1}/{hold_out[1]}",
         "held_out_places": sorted({s.place for s in held}),
+        "marks": None if marks is None else digest(marks),
         "initialised_from": {
             "semantic": digest(teachers.semantic),
             "depth": digest(teachers.depth),
