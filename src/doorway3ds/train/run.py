@@ -187,8 +187,8 @@ def train_doornet(
 
     hold_out: (fold, folds) of places kept for calibration, limits and early stopping. report: a
     further fold that is kept from everything but the report. marks: closer marks for some of the
-    pictures (see `read_marks`). calibration: the card of an earlier held-out run, for a training on everything. init: weights of an earlier run of the
-    same recipe's network to start from.
+    pictures (see `read_marks`). calibration: the card of an earlier held-out run, for a training
+    on everything. init: weights of an earlier run of the same recipe's network to start from.
     """
     import keras
 
