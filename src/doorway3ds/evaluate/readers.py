@@ -135,7 +135,7 @@ def _read_doorways(path: Path, layout: str) -> tuple[list[Sample], bool]:
             place = main["place"]
         elif main.get("home"):
             place = f"home-{main['home']}"
-        elif stem.isdigit() and layout != "rendered":
+        elif stem.isdigit() and layout == "nyu":
             place = f"{int(stem) // NYU_BLOCK:03d}"
         else:
             place, known = name, False

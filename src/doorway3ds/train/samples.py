@@ -15,9 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.errors import UserError
+from doorway3ds.evaluate.datasets import Sample as Marked
 from doorway3ds.evaluate.datasets import load_frame
 from doorway3ds.evaluate.readers import read_dataset
 from doorway3ds.train import groups
+from doorway3ds.types import Frame
 
 # Labels 0..5 of SEGMENTS (other, wall, floor, door, window, ceiling); 255 = unknown
 UNKNOWN = 255
@@ -47,8 +49,9 @@ class Sample:
     """One picture and the labels it carries; None = not labelled.
 
     image: (H, W, 3) uint8 RGB. depth_m: (H, W) float32, nan unknown. segments: (H, W) uint8,
-    255 unknown. camera: fx, fy, cx, cy in pixels of `image`. open: 1, 0, or None (half open).
-    weight: of the opening labels; depth_weight, segment_weight: of pseudo-labels.
+    255 unknown. camera: fx, fy, cx, cy in pixels of `image`. open: 1, 0, or None (half open);
+    1 without spans: an opening that nobody has marked. weight: of the opening labels;
+    depth_weight, segment_weight: of pseudo-labels.
     """
 
     name: str
@@ -235,47 +238,58 @@ def read_rendered(folder: Path) -> list[Sample]:
 def read_marked(folder: Path, longer: int = 352) -> list[Sample]:
     """Photographs of any size and camera marked by hand, as `3ds label` writes them: no depth.
 
-    longer: side of the stored pictures at most. Pictures whose place is not told share one where
-    a perceptual hash finds them nearly the same. Raises UserError where a picture cannot be read
-    or is not of the folder's camera.
+    longer: side of the stored pictures at most. Where not every picture's place is told, pictures
+    also share one that a perceptual hash finds nearly the same. Raises UserError where a picture
+    cannot be read or is not of the folder's camera.
     """
     dataset = read_dataset(folder, "plain")
     samples, hashes = [], []
     for marked in dataset.samples:
         frame = load_frame(marked)
-        height, width = frame.image.shape[:2]
-        scale = min(1.0, longer / max(width, height))
-        size = (max(1, round(width * scale)), max(1, round(height * scale)))
-        camera = frame.camera.stretched_to(*size)
-        across = size[0] / width
-        spans = tuple(
-            Span(
-                _scaled_column(opening.left_px, across),
-                _scaled_column(opening.right_px, across),
-                clear=None if opening.clear is None else int(opening.clear),
-            )
-            for opening in marked.openings
-        )
         hashes.append(groups.perceptual_hash(frame.image))
-        samples.append(
-            Sample(
-                name=marked.name,
-                source="marked",
-                place="",
-                image=cv2.resize(frame.image, size, interpolation=cv2.INTER_AREA),
-                camera=(camera.fx, camera.fy, camera.cx, camera.cy),
-                open=None if marked.is_open is None else int(marked.is_open),
-                spans=spans,
-                weight=_CONFIDENCE[marked.confidence],
-            )
-        )
-    places, _ = groups.name_groups(
-        dataset.samples,
-        groups.near_pairs(np.array(hashes, bool)),
-        places_known=dataset.places_known,
-    )
+        samples.append(from_frame(marked, frame, "marked", longer))
+    pairs = groups.near_pairs(np.array(hashes, bool))
+    newest: dict[str, int] = {}
+    for index, marked in enumerate(dataset.samples):
+        if marked.place in newest:
+            pairs.append((newest[marked.place], index))
+        newest[marked.place] = index
+    places, _ = groups.name_groups(dataset.samples, pairs, places_known=dataset.places_known)
     named = zip(samples, places, strict=True)
     return [replace(sample, place=f"{folder.resolve().name}-{place}") for sample, place in named]
+
+
+def from_frame(
+    marked: Marked, frame: Frame, source: str, longer: int = 352, *, loose: bool = False
+) -> Sample:
+    """A marked picture as a sample whose longer side has at most so many pixels.
+
+    frame: the picture as `load_frame` gives it. loose: openings are boxes of frame and leaf.
+    """
+    height, width = frame.image.shape[:2]
+    scale = min(1.0, longer / max(width, height))
+    size = (max(1, round(width * scale)), max(1, round(height * scale)))
+    camera = frame.camera.stretched_to(*size)
+    across = size[0] / width
+    spans = tuple(
+        Span(
+            _scaled_column(opening.left_px, across),
+            _scaled_column(opening.right_px, across),
+            loose=loose,
+            clear=None if opening.clear is None else int(opening.clear),
+        )
+        for opening in marked.openings
+    )
+    return Sample(
+        name=marked.name,
+        source=source,
+        place=marked.place,
+        image=cv2.resize(frame.image, size, interpolation=cv2.INTER_AREA),
+        camera=(camera.fx, camera.fy, camera.cx, camera.cy),
+        open=None if marked.is_open is None else int(marked.is_open),
+        spans=spans,
+        weight=_CONFIDENCE[marked.confidence],
+    )
 
 
 def cluster_places(descriptors: NDArray[np.float32], threshold: float) -> NDArray[np.int64]:
