@@ -28,7 +28,7 @@ def plot(path: Path, title: str, curves: Mapping[str, tuple[Sequence[float], Seq
     for label, (seconds, mb) in curves.items():
         axes.plot(np.array(seconds) / 60, mb, label=label)
     axes.set(xlabel="minutes", ylabel="RSS in MB", title=title)
-    axes.set_ylim(bottom=0)
+    axes.set_ylim(0, 1.2 * max(max(mb) for _, mb in curves.values()))
     axes.legend(frameon=False)
     axes.spines[["top", "right"]].set_visible(False)
     figure.savefig(path, dpi=120)
