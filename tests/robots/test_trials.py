@@ -8,9 +8,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 
 from doorway3ds.errors import CallError, UserError
+from doorway3ds.sim import trials
 from doorway3ds.sim.trial import Episode
 from doorway3ds.sim.trials import difference, read_episodes, run_trials, summarise, table
 
@@ -57,6 +60,33 @@ def test_episodes_of_another_version_are_refused(tmp_path: Path) -> None:
     (tmp_path / "episodes.jsonl").write_text('{"scene": "doorway"}\n{"cut')
     with pytest.raises(UserError, match="another version"):
         read_episodes(tmp_path)
+
+
+def test_episodes_of_another_file_of_the_network_are_refused(tmp_path: Path) -> None:
+    net = tmp_path / "a.onnx"
+    for content, fits in ((b"one", True), (b"one", True), (b"two", False)):
+        net.write_bytes(content)
+        if fits:
+            trials._require_same_files(tmp_path, str(net))
+        else:
+            with pytest.raises(UserError, match="another file"):
+                trials._require_same_files(tmp_path, str(net))
+
+
+def test_a_film_keeps_its_frames_and_their_times_and_is_small(tmp_path: Path) -> None:
+    pytest.importorskip("PIL")
+    from doorway3ds.sim.film import _write
+
+    rng = np.random.default_rng(0)
+    still = np.repeat(rng.integers(0, 255, (60, 8, 3), np.uint8), 10, axis=1)
+    moved = np.roll(still, 20, axis=1)
+    path = _write(tmp_path / "a.gif", [still, moved, still], [1100, 120, 900])
+    found, film = cv2.imreadanimation(str(path))
+    assert found
+    assert list(film.durations) == [1100, 120, 900]
+    shown = film.frames[0][..., 2::-1].astype(int)
+    assert np.abs(shown - still).mean() < 40
+    assert path.stat().st_size < still.nbytes
 
 
 @pytest.fixture(scope="module")

@@ -30,6 +30,7 @@ _ORDER = (
 
 # Which extra brings a module that the default install does without.
 _EXTRAS = {
+    "PIL": "sim",
     "fastapi": "serve",
     "h5py": "train",
     "keras": "train",

@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera import Camera
-from doorway3ds.errors import UserError
+from doorway3ds.files import write_bytes
 from doorway3ds.sim.render import Eye
 from doorway3ds.sim.trial import play
 from doorway3ds.sim.world import Studio, World, stage_of
 from doorway3ds.types import Decision
 
 WIDTH, HEIGHT = 320, 240
-HOLD_MS, STEP_MS = 1100, 90
-STEP_DEG = 4.0
+HOLD_MS, STEP_MS = 1100, 120
+STEP_DEG, MOST_STEPS = 4.0, 2
+COLOURS = 56
 
 
 def film_scene(scene: str, seed: int, network: str | None, path: Path) -> Path:
     """Plays an episode with the `opening` method and writes it as a GIF.
 
-    Decisions are held; between them the robot's turn is seen in steps of 4 deg.
+    Decisions are held; between them the robot's turn is seen in a few steps.
     """
     from doorway3ds.draw import overlay
 
@@ -61,18 +62,23 @@ def film_scene(scene: str, seed: int, network: str | None, path: Path) -> Path:
 
 def _between(a: Eye, b: Eye) -> list[Eye]:
     turn = (b.heading_deg - a.heading_deg + 180) % 360 - 180
-    steps = int(abs(turn) / STEP_DEG)
+    steps = min(int(abs(turn) / STEP_DEG), MOST_STEPS)
     return [
         Eye(b.x, b.y, a.heading_deg + turn * (k + 1) / (steps + 1), b.pose) for k in range(steps)
     ]
 
 
 def _write(path: Path, frames: list[NDArray[np.uint8]], times: list[int]) -> Path:
-    animation = cv2.Animation()
-    animation.frames = [cv2.cvtColor(frame, cv2.COLOR_RGB2BGR) for frame in frames]
-    animation.durations = times
-    animation.loop_count = 0
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if not cv2.imwriteanimation(str(path), animation):
-        raise UserError(f"cannot write {path}")
+    """One palette for all frames, and no dither: what stands still then costs nothing."""
+    from PIL import Image
+
+    some = frames[:: max(1, len(frames) // 8)]
+    palette = Image.fromarray(np.concatenate(some)).quantize(COLOURS)
+    plain = Image.Dither.NONE
+    pages = [Image.fromarray(frame).quantize(palette=palette, dither=plain) for frame in frames]
+    buffer = io.BytesIO()
+    pages[0].save(
+        buffer, format="GIF", save_all=True, append_images=pages[1:], duration=times, loop=0
+    )
+    write_bytes(path, buffer.getvalue())
     return path

@@ -15,11 +15,13 @@ import numpy as np
 
 from doorway3ds.errors import UserError
 from doorway3ds.evaluate.intervals import Interval, paired_difference, wilson
+from doorway3ds.files import write_bytes
 from doorway3ds.networks.base import Network
 from doorway3ds.sim.scenarios import SCENES
 from doorway3ds.sim.trial import Episode, Method, play
 
 EPISODES = "episodes.jsonl"
+NETWORKS = "networks.json"
 METHODS: tuple[Method, ...] = ("opening", "paper")
 
 
@@ -77,6 +79,8 @@ def run_trials(
     """
     out.mkdir(parents=True, exist_ok=True)
     name = "truth" if network is None else network
+    if network is not None:
+        _require_same_files(out, network)
     wanted = {
         (scene, seed + k, method, name)
         for scene in scenes
@@ -104,6 +108,23 @@ def run_trials(
             file.flush()
             progress(1)
     return [episode for key, episode in sorted(done.items()) if key in wanted]
+
+
+def _require_same_files(out: Path, network: str) -> None:
+    """UserError where this folder's episodes were played by other files of a network's name."""
+    from doorway3ds.networks.registry import find
+    from doorway3ds.networks.session import digest
+
+    parts = network.split("+")
+    files = [Path(part) if part.endswith(".onnx") else find(part).found() for part in parts]
+    mine = [digest(file) for file in files if file is not None and file.is_file()]
+    path = out / NETWORKS
+    played: dict[str, list[str]] = json.loads(path.read_text()) if path.exists() else {}
+    if played.setdefault(network, mine) != mine:
+        raise UserError(
+            f"{out} holds episodes of another file of {network}; name another folder by --out"
+        )
+    write_bytes(path, (json.dumps(played, indent=1) + "\n").encode())
 
 
 def _played(jobs: list[Job], workers: int) -> Iterable[list[Episode]]:
