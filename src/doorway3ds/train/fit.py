@@ -294,7 +294,7 @@ def _losses(
 ) -> dict[str, Any]:
     """All losses in 32 bits, and their sum."""
     found = all_losses({name: value.float() for name, value in output.items()}, target, weights)
-    return {**found, "loss": sum(found.values())}
+    return {"loss": sum(found.values()), **found}
 
 
 def _save(net: DoorNet, path: Path) -> None:
