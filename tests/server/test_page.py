@@ -195,6 +195,7 @@ def test_large_pictures_from_phones_are_taken(
     shared: Served, page: Page, width: int, height: int
 ) -> None:
     page.open(shared.url)
+    page.problems()  # of the page before, whose server may have ended under it
     page.give(encode(scene(width, height), orientation=6), "drop")
     page.until(lambda: page.text("headline").startswith("Turn left"))
     # EXIF says that it lies on its side, for the server and for the browser alike.
