@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +76,22 @@ def test_without_move_a_robot_is_not_even_woken(cli: Any, virtual: Any) -> None:
         "--network", "net.onnx", "--log", "a")  # fmt: skip
     assert not nao.body.awake
     assert nao.body.place() == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.nao
+def test_a_camera_that_never_answers_ends_the_process_with_its_status(
+    cli: Any, virtual: Any
+) -> None:
+    _, where = virtual(faults=Faults(hang_s=30.0))
+    uri = f"nao://{where}"
+    call = [
+        "run", f"{uri}?resolution=qvga&timeout_s=0.5", "--robot", uri, "--move",
+        "--network", "net.onnx", "--log", "a",
+    ]  # fmt: skip
+    program = "import sys; from doorway3ds.cli.main import main; main()"
+    ended = subprocess.run([sys.executable, "-c", program, *call], check=False, timeout=60)
+    assert ended.returncode == 6
+    assert read_log(Path("a"))[-1]["outcome"] == "lost"
 
 
 @pytest.mark.nao

@@ -6,6 +6,8 @@ inside the functions, so that the command starts fast and works without the extr
 
 from __future__ import annotations
 
+import contextlib
+import os
 import pkgutil
 import sys
 from collections.abc import Sequence
@@ -47,9 +49,16 @@ _EXTRAS = {
 def main() -> None:
     """Runs the command line and ends the process: 0 done, 1 not (all) done, 2 wrong call."""
     try:
-        sys.exit(run(sys.argv[1:]))
+        status = run(sys.argv[1:])
     except KeyboardInterrupt:
-        sys.exit(130)
+        status = 130
+    if "qi" in sys.modules:
+        # A call that a robot never answered crashes qi's threads while Python ends; all is closed.
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(OSError, ValueError):
+                stream.flush()
+        os._exit(status)
+    sys.exit(status)
 
 
 def run(arguments: Sequence[str]) -> int:
