@@ -26,7 +26,8 @@ def test_the_newest_decision_is_given_once_and_older_ones_never() -> None:
         relay.offer(decided(stamp))
     frame = relay.read(1)
     assert frame is not None and frame.stamp_s == 3.0
-    assert relay.decide(frame, None).frame is frame
+    made = relay.decide(frame, None)
+    assert made.frame is frame and relay.perception(frame) is made.perception
     assert relay.read(0.01) is None
     with pytest.raises(ValueError, match="another"):
         relay.decide(decided(3.0).frame, None)

@@ -113,12 +113,17 @@ class Pipeline:
         """The first half of `decide`, the network's: most of the time, outside Python's lock."""
         return in_metres(self.network(frame.image, frame.camera), frame)
 
-    def check_way(self, frame: Frame, decision: Decision) -> bool | None:
-        """Whether the way to a decided doorway is free in a frame that looks down along it."""
+    def check_way(
+        self, frame: Frame, decision: Decision, perception: Perception | None = None
+    ) -> bool | None:
+        """Whether the way to a decided doorway is free in a frame that looks down along it.
+
+        perception: of that frame, where the network has looked at it already.
+        """
         found = decision.selection
         if found.bearing_deg is None:
             return None
-        perception = self.perceive(frame)
+        perception = perception or self.perceive(frame)
         return way_below(perception, frame, found.bearing_deg, found.range_m, self.params)
 
     def conclude(self, frame: Frame, perception: Perception) -> Decision:

@@ -7,7 +7,7 @@ import threading
 from doorway3ds.decision import Gates
 from doorway3ds.follow import follow
 from doorway3ds.opening import OpeningParams
-from doorway3ds.types import Decision, Frame
+from doorway3ds.types import Decision, Frame, Perception
 
 
 class Relay:
@@ -58,6 +58,13 @@ class Relay:
 
     def decide(self, frame: Frame, expected_deg: float | None) -> Decision:
         """The decision on the frame that `read` gave last, held to the doorway expected there."""
+        return follow(self._on(frame), expected_deg, self._params, self._gates)
+
+    def perception(self, frame: Frame) -> Perception:
+        """What the network saw in the frame that `read` gave last."""
+        return self._on(frame).perception
+
+    def _on(self, frame: Frame) -> Decision:
         if self._given is None or self._given.frame is not frame:
             raise ValueError("a relay decides on the frame that it gave last, and this is another")
-        return follow(self._given, expected_deg, self._params, self._gates)
+        return self._given

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from doorway3ds.robots.base import Driver, Robot
     from doorway3ds.runlog import RunLog
     from doorway3ds.sources import Source
+    from doorway3ds.types import Decision, Frame
 
 
 def live(
@@ -186,6 +187,11 @@ def _drive(
         watch.heading = _heading(driver.robot)
     failed: list[UserError] = []
 
+    def check(frame: Frame, decision: Decision) -> bool | None:
+        return pipeline.check_way(frame, decision, relay.perception(frame))
+
+    looks_down = check if pipeline.method == "opening" else None
+
     def watching() -> None:
         try:
             watch.all()
@@ -199,7 +205,8 @@ def _drive(
         thread = threading.Thread(target=watching, name="watch", daemon=True)
         thread.start()
         try:
-            report = Loop(relay, relay.decide, driver, log=log, tell=tell).run()
+            loop = Loop(relay, relay.decide, driver, check=looks_down, log=log, tell=tell)
+            report = loop.run()
         finally:
             watch.stop()
             thread.join()
