@@ -230,6 +230,15 @@ def test_two_pages_do_not_destroy_each_others_rows(site: Path, desk: Desk, page:
     page.press("y")  # mine, knowing of theirs
     page.until(lambda: [row["state"] for row in rows(site)] == ["none"])
     page.problems()  # the conflict is listed
+    page.saved()
+    # nor does undo take back what somebody else has written since
+    revision = served.client.get("/v1/pictures/0").json()["revision"]
+    theirs = {"marks": {"openings": [{"left_px": 9, "right_px": 99}]}, "revision": revision}
+    assert served.client.put("/v1/pictures/0", json=theirs).status_code == 200
+    page.press("z")
+    page.says("note", "Somebody else has marked this picture since")
+    assert page.lines(".l-edge") == 4
+    assert [row["left_px"] for row in rows(site)] == ["9.0"]
 
 
 def test_marks_wait_on_the_page_until_they_can_be_written(

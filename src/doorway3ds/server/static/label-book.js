@@ -26,6 +26,8 @@ export class Book {
     const fresh = await json(`/v1/pictures/${number}`);
     const known = this.entries.get(number) ?? {};
     if (known.revision === revision && !this.unsaved(known)) {
+      // What was done to rows that somebody else has changed since cannot be undone.
+      if (before && fresh.revision !== revision) this.forget(number);
       Object.assign(known, fresh, { written: fresh.marks, trouble: "", saving: false });
     }
     this.entries.set(number, known);
@@ -38,6 +40,11 @@ export class Book {
 
   get pending() {
     return [...this.entries.values()].some((entry) => this.unsaved(entry));
+  }
+
+  forget(number) {
+    this.done = this.done.filter((step) => step.number !== number);
+    this.undone = this.undone.filter((step) => step.number !== number);
   }
 
   // marks null: not marked.
@@ -90,10 +97,10 @@ export class Book {
       this.keepTrying(entry, error);
       return;
     }
-    this.done = this.done.filter((step) => step.number !== entry.number);
+    this.forget(entry.number);
     this.undone = [{ number: entry.number, before: theirs.marks, after: ours }];
     Object.assign(entry, { marks: theirs.marks, written: theirs.marks, revision: theirs.revision });
-    entry.conflict = true;
+    entry.conflict = "Somebody else marked this picture meanwhile. Theirs is shown; Redo puts yours in its place.";
   }
 
   keepTrying(entry, error) {
@@ -104,20 +111,24 @@ export class Book {
 
   // The picture whose last change is taken back or made again, with its new marks; null: none.
   async step(from, to, side) {
-    const last = from.at(-1);
+    const last = this[from].at(-1);
     if (!last) return null;
     const entry = await this.open(last.number);
-    from.pop();
-    to.push(last);
+    if (this[from].at(-1) !== last) {
+      entry.conflict = "Somebody else has marked this picture since. Theirs is shown.";
+      return entry;
+    }
+    this[from].pop();
+    this[to].push(last);
     this.set(entry, last[side]);
     return entry;
   }
 
   undo() {
-    return this.step(this.done, this.undone, "before");
+    return this.step("done", "undone", "before");
   }
 
   redo() {
-    return this.step(this.undone, this.done, "after");
+    return this.step("undone", "done", "after");
   }
 }

@@ -8,10 +8,7 @@ import { byId } from "./svg.js";
 const panel = byId("panel");
 const book = new Book((entry) => {
   if (entry !== now.entry) return;
-  if (entry.conflict) {
-    entry.conflict = false;
-    note("Somebody else marked this picture meanwhile. Theirs is shown; Redo puts yours in its place.", true);
-  }
+  tellConflict(entry);
   show();
 });
 const now = {
@@ -32,6 +29,11 @@ function note(words, bad = false) {
   byId("note").hidden = !words;
   byId("note").textContent = words;
   byId("note").toggleAttribute("data-bad", bad);
+}
+
+function tellConflict(entry) {
+  if (entry.conflict) note(entry.conflict, true);
+  entry.conflict = "";
 }
 
 // --- Which picture
@@ -171,9 +173,13 @@ function letGo() {
 
 async function back(step, words) {
   const entry = await meanwhile(step);
-  if (entry === null) note(words);
-  else if (entry === now.entry) letGo();
-  else if (entry) await go(entry.number);
+  if (!entry) {
+    if (entry === null) note(words);
+    return;
+  }
+  if (entry === now.entry) letGo();
+  else await go(entry.number);
+  tellConflict(entry);
 }
 
 const confidence = (value) => () => change(edit.sure(shown(), now.selected, value));
@@ -227,7 +233,7 @@ function show() {
   byId("goto").value = entry.number + 1;
   byId("count").textContent = `${book.marked} of ${now.info.pictures} marked`;
   byId("progress").value = book.marked;
-  byId("take-words").textContent = isGuess() ? "Take it, go on" : "Go on";
+  byId("take-words").textContent = isGuess() && entry.guess ? "Take it, go on" : "Go on";
   showSaved(entry);
   showPanel(entry, marks);
 }
