@@ -25,6 +25,7 @@ _ORDER = (
     "bench",
     "label",
     "train",
+    "qualify",
     "eval",
     "reproduce",
     "sim",

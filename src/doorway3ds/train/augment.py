@@ -19,6 +19,8 @@ from doorway3ds.train.samples import UNKNOWN, Sample
 
 Array = NDArray[Any]
 
+_WHOLE = 0.7  # share of a picture's width that holds an unmarked opening well enough
+
 
 @dataclass(frozen=True)
 class AugmentConfig:
@@ -88,7 +90,8 @@ def view(
     slack_y = (rows - reach * height) / 2
     if rng is not None:
         mirror = rng.random() < config.mirror
-        if rng.random() > config.whole:
+        # nobody knows where an unmarked opening is: it must not be cut off
+        if rng.random() > config.whole and not _unmarked(sample):
             zoom = rng.uniform(config.min_zoom, 1.0)
             roll = np.radians(np.clip(rng.normal(0, config.roll_deg / 2), -5, 5))
         slack_x += (1 - zoom) * reach * width / 2
@@ -125,6 +128,8 @@ def view(
     if rng is not None and rng.random() < config.colour:
         image = _look(image, rng)
     labels = _columns(sample, spans, width)
+    if _unmarked(sample) and reach * width < _WHOLE * columns:
+        labels["p_open_weight"] = 0.0  # what was cut off may be the opening
 
     depth = np.zeros((height // 2, width // 2), np.float32)
     if sample.depth_m is not None:
@@ -168,6 +173,11 @@ def _moved(
     return min(edges), max(edges)
 
 
+def _unmarked(sample: Sample) -> bool:
+    """Whether the picture shows an opening without telling where."""
+    return sample.open == 1 and not sample.spans
+
+
 def _columns(sample: Sample, spans: list[tuple[float, float]], width: int) -> dict[str, Any]:
     count = width // 4
     centre = (np.arange(count) + 0.5) * 4 - 0.5
@@ -203,6 +213,8 @@ def _columns(sample: Sample, spans: list[tuple[float, float]], width: int) -> di
             told[inside] = sample.weight / max(inside.sum(), 1)
     np.maximum(left, 0, out=left)
     np.maximum(right, 0, out=right)
+    if _unmarked(sample):
+        seen, weight = 1.0, np.zeros(count, np.float32)
     certain = sample.open is not None and (sample.open == 0 or seen == 0 or seen > 0.4)
     return {
         "p_open": float(sample.open == 1 and seen > 0.4),

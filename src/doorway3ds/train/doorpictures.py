@@ -72,8 +72,7 @@ def read_door_pictures(
 
     Raises UserError where a class is empty.
     """
-    if half_open not in HALF_OPEN:
-        raise CallError(f"--half-open must be {', '.join(HALF_OPEN)}, got {half_open!r}")
+    require_half_open(half_open)
     if path.suffix.lower() == ".csv" and path.is_file():
         samples, known = _read_csv(path)
         if places is not None:
@@ -81,18 +80,50 @@ def read_door_pictures(
     else:
         data = read_dataset(path, layout, places)
         samples, known = list(data.samples), data.places_known
+    return check_pictures(
+        samples,
+        path,
+        places_known=known,
+        grouping=grouping,
+        pattern=pattern,
+        half_open=half_open,
+        limit=limit,
+        seed=seed,
+        seen=seen,
+    )
+
+
+def require_half_open(half_open: str) -> None:
+    """CallError for what is none of HALF_OPEN."""
+    if half_open not in HALF_OPEN:
+        raise CallError(f"--half-open must be {', '.join(HALF_OPEN)}, got {half_open!r}")
+
+
+def check_pictures(
+    samples: Sequence[Sample],
+    path: Path,
+    *,
+    places_known: bool,
+    grouping: str = "auto",
+    pattern: str | None = None,
+    half_open: str = "leave-out",
+    limit: int | None = None,
+    seed: int = 0,
+    seen: Callable[[int, int], None] = lambda done, total: None,
+) -> DoorPictures:
+    """The same of samples at hand; path: what messages call their data set."""
     if half_open != "leave-out":
         samples = [
             replace(s, is_open=half_open == "open") if s.is_open is None else s for s in samples
         ]
     half = {s.name: "half open" for s in samples if s.is_open is None}
-    samples = _limited([s for s in samples if s.is_open is not None], limit, seed)
-    _require_classes(samples, path)
-    kept, hashes, digests, left_out = _checked(samples, seen)
+    wanted = _limited([s for s in samples if s.is_open is not None], limit, seed)
+    _require_classes(wanted, path)
+    kept, hashes, digests, left_out = _checked(wanted, seen)
     _require_classes(kept, path, left_out)
     pairs = groups.near_pairs(hashes)
     found, how = groups.name_groups(
-        kept, pairs, places_known=known, grouping=grouping, pattern=pattern
+        kept, pairs, places_known=places_known, grouping=grouping, pattern=pattern
     )
     return DoorPictures(tuple(kept), found, how, tuple(pairs), tuple(digests), half | left_out)
 

@@ -1,0 +1,177 @@
+"""`3ds qualify`: a network for a robot's own site. Needs the extra `train`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from doorway3ds.cli._camera import CameraOptions
+from doorway3ds.cli._options import (
+    Batch,
+    Camera,
+    FovDeg,
+    Group,
+    HalfOpen,
+    Licence,
+    Pattern,
+    PlacesFile,
+    TrainThreads,
+)
+from doorway3ds.cli._training import Count, Watch, command_line, say
+from doorway3ds.errors import CallError
+
+_STOPPED = 130
+
+
+def qualify(
+    folder: Annotated[
+        Path,
+        typer.Argument(help="Your pictures: open-door/ and no-door/, or doorways.csv, or both."),
+    ],
+    network: Annotated[
+        str, typer.Option(metavar="NAME|FILE", help="What to start from: doornet or a site model.")
+    ] = "doornet",
+    out: Annotated[
+        Path, typer.Option(metavar="FILE", help="Where the site model goes, if it is better.")
+    ] = Path("site.onnx"),
+    report: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write report.html and PNGs there.")
+    ] = None,
+    json_file: Annotated[
+        Path | None,
+        typer.Option("--json", metavar="FILE", help="Write the numbers; - = standard out."),
+    ] = None,
+    with_: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--with", metavar="DATASET", help="Also learn from this data set; may be repeated."
+        ),
+    ] = None,
+    hold_out: Annotated[
+        float, typer.Option(min=0.1, max=0.8, help="Share of the pictures that only judges.")
+    ] = 0.4,
+    epochs: Annotated[int, typer.Option(min=1, help="Of each of the two stages, at most.")] = 12,
+    learning_rate: Annotated[float, typer.Option(help="Of the heads; the decoder's a third.")] = (
+        3e-4
+    ),
+    batch: Batch = 8,
+    group: Group = "auto",
+    group_pattern: Pattern = None,
+    places: PlacesFile = None,
+    half_open: HalfOpen = "leave-out",
+    camera: Camera = None,
+    fov_deg: FovDeg = None,
+    repeats: Annotated[int, typer.Option(min=100, help="Bootstrap resamples.")] = 2000,
+    seed: int = 0,
+    licence: Licence = None,
+    threads: TrainThreads = None,
+) -> None:
+    """Measure the network at your site, fine-tune it on your pictures, keep it if it is better."""
+    if out.suffix != ".onnx":
+        raise CallError(f"--out is the site model's file, such as site.onnx, got {out}")
+    if not learning_rate > 0:
+        raise CallError(f"--learning-rate must be above 0, got {learning_rate:g}")
+    from doorway3ds.train import engine, outcome
+    from doorway3ds.train.qualify import network_file, part, read_site, write_model
+    from doorway3ds.train.qualify import qualify as run
+    from doorway3ds.train.qualifyfit import TuneOptions
+
+    if report is not None:
+        outcome.require_plots()
+    start = network_file(network)
+    options = CameraOptions(camera, fov_deg)
+    chosen = None if options == CameraOptions() else options.resolve()
+    count = Count()
+    try:
+        pictures = read_site(
+            folder,
+            places=_places(places),
+            grouping=group,
+            pattern=group_pattern,
+            half_open=half_open,
+            camera=None if chosen is None else (chosen.fit, chosen.pose),
+            seen=count,
+        )
+        count.clear()
+        parts = part(pictures, hold_out, seed)
+        say(
+            f"{len(pictures.samples)} pictures, {len(set(pictures.groups))} places by "
+            f"{pictures.grouping}: learns from {len(parts.learn)}, chooses by "
+            f"{len(parts.inner)}, judges by {len(parts.held)}; left out: "
+            f"{len(pictures.left_out)}; near-copies across the split: {parts.leaks}"
+        )
+        engine.start(threads)
+        done = run(
+            folder,
+            parts,
+            pictures,
+            start,
+            replay=with_ or (),
+            options=TuneOptions(epochs, learning_rate, batch, seed=seed),
+            hold_out=hold_out,
+            repeats=repeats,
+            watcher=_Brief(epochs),
+            tell=say,
+            facts={
+                "data": str(folder),
+                "network": network,
+                "command": command_line(),
+                "licence": licence,
+            },
+        )
+    except KeyboardInterrupt:
+        count.clear()
+        say("stopped; nothing was written")
+        raise typer.Exit(_STOPPED) from None
+    if done.model is not None:
+        write_model(done, out)
+    if report is not None:
+        from doorway3ds.train import qualifyreport
+
+        say(f"wrote {qualifyreport.write(done, report)}")
+    to_stdout = json_file is not None and str(json_file) == "-"
+    if json_file is not None:
+        _write_json(outcome.plain(done.card), None if to_stdout else json_file)
+    if not to_stdout:
+        from rich.console import Console
+
+        from doorway3ds.cli._tables import print_tables
+        from doorway3ds.train.qualifyscore import table
+
+        print_tables(Console(), [table(done.comparison)])
+    tell = say if to_stdout else typer.echo
+    if done.model is None:
+        tell(f"not better: {done.verdict.why}; no model was written")
+    else:
+        tell(f"better: {done.verdict.why}")
+        tell(f"wrote {out}; to use it: 3ds look --network {out} photo.jpg")
+
+
+class _Brief(Watch):
+    """The sum of the losses alone."""
+
+    def batch(self, epoch: int, step: int, steps: int, losses: dict[str, float]) -> None:
+        super().batch(epoch, step, steps, {"loss": losses["loss"]})
+
+    def epoch(self, row: dict[str, float]) -> None:
+        super().epoch({name: row[name] for name in ("epoch", "loss", "val_loss")})
+
+
+def _places(path: Path | None) -> dict[str, str] | None:
+    from doorway3ds.evaluate.readers import read_places
+
+    return None if path is None else read_places(path)
+
+
+def _write_json(card: dict[str, object], path: Path | None) -> None:
+    import json
+
+    from doorway3ds.evaluate.report import write_json
+
+    if path is None:
+        sys.stdout.write(json.dumps(card, allow_nan=False) + "\n")
+    else:
+        write_json(path, card)

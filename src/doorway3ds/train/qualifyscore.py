@@ -1,0 +1,174 @@
+"""What decides whether a site model is better: measures, their paired difference, the rule.
+
+A picture with a doorway is answered rightly where p_open is at least 0.5 and, if its openings
+are marked, the answer's bearing lies inside one; a picture without where p_open is below 0.5.
+The rule: better is what answers more pictures rightly (the mean of both kinds' shares) so that
+the 95 % interval of the paired difference over places lies above 0, finds doorways no more
+seldom beyond chance, goes no more often where there is none, and leaves depth as it was.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.evaluate import direction, intervals, metrics
+from doorway3ds.evaluate.direction import DirectionRecord, Metric
+from doorway3ds.evaluate.intervals import Indices, Interval, nan_mean
+from doorway3ds.evaluate.report import Table, cell
+
+RULE = " ".join((__doc__ or "").split("\n\n", 1)[1].split())
+OPEN = 0.5
+MAX_DEPTH_CHANGE = 0.05  # relative; a third of the packaged network's own error
+
+_DOORWAY, _NONE = "pictures with an open doorway", "pictures without one"
+MEASURES: dict[str, Metric] = {
+    "right": Metric("answers rightly", "share", "high", "mean of the next two rows"),
+    "found": Metric("finds the doorway", "share", "high", _DOORWAY),
+    "refused": Metric("finds none where none is", "share", "high", _NONE),
+    "go_without_door": Metric("goes where there is no doorway", "share", "low", _NONE),
+    "inside": Metric("bearing inside the opening", "share", "high", "marked openings"),
+    "within_5deg": Metric("bearing within 5 deg", "share", "high", "marked openings"),
+    "go_when_clear": Metric("goes where the way is clear", "share", "high", "marked clear"),
+    "go_when_blocked": Metric("goes where the way is blocked", "share", "low", "marked blocked"),
+    "auc": Metric("p_open, AUC", "", "high", "all pictures"),
+}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Measures of two networks on the same pictures, and second minus first."""
+
+    before: Mapping[str, Interval]
+    after: Mapping[str, Interval]
+    difference: Mapping[str, Interval]
+    pictures: int
+    places: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON object."""
+        return {
+            name: {key: value.to_dict() for key, value in getattr(self, name).items()}
+            for name in ("before", "after", "difference")
+        }
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether the second is better, and in words by what."""
+
+    better: bool
+    why: str
+
+
+def is_right(record: DirectionRecord) -> bool:
+    """Whether one picture is answered rightly."""
+    called = record.p_open >= OPEN
+    if not record.truth.is_open:
+        return not called
+    return bool(called and (not record.truth.openings or direction.judge(record).inside == 1))
+
+
+def compare(
+    before: Sequence[DirectionRecord],
+    after: Sequence[DirectionRecord],
+    repeats: int = 2000,
+    seed: int = 0,
+) -> Comparison:
+    """Both with 95 % intervals by place, and their paired difference with its own.
+
+    Raises ValueError unless both hold the same pictures in the same order.
+    """
+    if [r.truth.image for r in before] != [r.truth.image for r in after]:
+        raise ValueError("paired records must be of the same pictures in the same order")
+    places = [r.truth.place for r in before]
+    columns = [_columns(records) for records in (before, after)]
+    first, second = (_statistic(column) for column in columns)
+    found = [
+        intervals.bootstrap(first, places, repeats, seed),
+        intervals.bootstrap(second, places, repeats, seed),
+        intervals.paired_difference(first, second, places, repeats, seed),
+    ]
+    counts = {name: int(np.sum(~np.isnan(values))) for name, values in columns[0].items()}
+    counts |= {"right": len(before), "auc": len(before)}
+    named = [
+        {
+            name: Interval(float(v[m]), float(low[m]), float(high[m]), counts[name])
+            for m, name in enumerate(MEASURES)
+        }
+        for v, low, high in found
+    ]
+    return Comparison(named[0], named[1], named[2], len(before), len(set(places)))
+
+
+def judge(comparison: Comparison, depth_change: float) -> Verdict:
+    """The rule. depth_change: relative, between both networks' depth of the same pictures."""
+    gain = comparison.difference["right"]
+    said = (
+        f"answers rightly {100 * gain.value:+.1f} points "
+        f"({100 * gain.low:+.1f} to {100 * gain.high:+.1f}) on {comparison.pictures} pictures "
+        f"of {comparison.places} held-out places"
+    )
+    if not gain.low > 0:
+        return Verdict(False, f"{said}: the interval does not exclude that nothing is gained")
+    found = comparison.difference["found"]
+    if found.high < 0:
+        return Verdict(False, f"{said}, but finds {-100 * found.value:.1f} points fewer doorways")
+    goes = comparison.difference["go_without_door"].value
+    if goes > 0:
+        return Verdict(
+            False, f"{said}, but goes where there is no doorway {100 * goes:+.1f} points"
+        )
+    if not depth_change <= MAX_DEPTH_CHANGE:
+        return Verdict(
+            False,
+            f"{said}, but depth changes by {100 * depth_change:.1f} %, more than "
+            f"{100 * MAX_DEPTH_CHANGE:.0f} %",
+        )
+    return Verdict(True, said)
+
+
+def table(comparison: Comparison) -> Table:
+    """Before, after and the difference; only measures that some picture speaks to."""
+    rows = []
+    for name, metric in MEASURES.items():
+        values = [getattr(comparison, side)[name] for side in ("before", "after", "difference")]
+        if values[0].n and any(math.isfinite(v.value) for v in values[:2]):
+            about = f"{metric.about} (n = {values[0].n}); {metric.better} is better"
+            rows.append((metric.title, about, [cell(v, metric.unit) for v in values]))
+    return Table("Held-out places", ["before", "after", "after minus before"], rows)
+
+
+def _columns(records: Sequence[DirectionRecord]) -> dict[str, NDArray[np.float64]]:
+    """Each a column with nan where a picture does not speak to the measure."""
+    outcomes = [direction.judge(record) for record in records]
+    doorway = np.array([bool(r.truth.is_open) for r in records])
+    right = np.array([is_right(r) for r in records], float)
+    go = np.array([o.go for o in outcomes])
+    way = np.array([o.way_clear for o in outcomes])
+    return {
+        "found": np.where(doorway, right, np.nan),
+        "refused": np.where(doorway, np.nan, right),
+        "go_without_door": np.where(doorway, np.nan, go),
+        "inside": np.array([o.inside for o in outcomes]),
+        "within_5deg": np.array([o.within for o in outcomes]),
+        "go_when_clear": np.where(way == 1, go, np.nan),
+        "go_when_blocked": np.where(way == 0, go, np.nan),
+        "is_open": doorway.astype(float),
+        "p_open": np.array([r.p_open for r in records]),
+    }
+
+
+def _statistic(columns: Mapping[str, NDArray[np.float64]]) -> intervals.Statistic:
+    def statistic(indices: Indices) -> NDArray[np.float64]:
+        values = {name: nan_mean(column[indices]) for name, column in columns.items()}
+        values["right"] = (values["found"] + values["refused"]) / 2
+        values["auc"] = metrics.auc(columns["is_open"][indices] == 1, columns["p_open"][indices])
+        return np.array([values[name] for name in MEASURES])
+
+    return statistic
