@@ -82,7 +82,7 @@ def test_without_move_a_robot_is_not_even_woken(cli: Any, virtual: Any) -> None:
 def test_a_camera_that_never_answers_ends_the_process_with_its_status(
     cli: Any, virtual: Any
 ) -> None:
-    _, where = virtual(faults=Faults(hang_s=30.0))
+    _, where = virtual(faults=Faults(hang_s=3.0))
     uri = f"nao://{where}"
     call = [
         "run", f"{uri}?resolution=qvga&timeout_s=0.5", "--robot", uri, "--move",
