@@ -99,7 +99,9 @@ class _Walk:
         from onnx import numpy_helper
 
         self._nodes = {name: node for node in graph.node for name in node.output}
-        self._constants = {i.name: numpy_helper.to_array(i) for i in graph.initializer}
+        self._constants: dict[str, NDArray[Any]] = {
+            i.name: numpy_helper.to_array(i) for i in graph.initializer
+        }
         for node in graph.node:
             if node.op_type == "Constant" and node.attribute[0].name == "value":
                 value = numpy_helper.to_array(node.attribute[0].t)
