@@ -20,8 +20,8 @@ def write_site(folder: Path, marked: bool = True, rooms: int = ROOMS, each: int 
             is_open = number % 2 == 0
             image = np.clip(wall + rng.normal(0, 6, (120, 160, 3)), 0, 255).astype(np.uint8)
             image[90:] //= 2
-            left = int(rng.integers(10, 110))
-            right = left + int(rng.integers(25, 40))
+            left = int(rng.integers(5, 85))
+            right = left + int(rng.integers(50, 70))
             if is_open:
                 image[20:105, left:right] = rng.integers(200, 250, 3)
             name = f"room{room:02d}/{number}.png"
