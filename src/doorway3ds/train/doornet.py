@@ -5,10 +5,10 @@ MobileNetV2 with scene-parsing weights sees the picture, a decoder joins its str
 sequence on which dilated convolutions find where an opening begins and ends (a one-dimensional
 FCOS: every column inside an opening votes for its edges; Tian et al., ICCV 2019).
 
-Depth is the geometric mean of two estimates: the decoder's own, and FastDepth's with a learned
-correction. FastDepth has seen the photographs that carry labels of doorways, and knows their
-depth better than that of any other room; so nothing else may rest on its features, or openings
-would be learned from a depth that no new room ever shows.
+Depth is FastDepth's with a learned correction. FastDepth has seen the photographs that carry
+labels of doorways, and knows their depth better than that of any other room; so nothing else
+rests on its features, or openings would be learned from a depth that no new room ever shows.
+The decoder guesses depth of its own, too: only to learn the shape of rooms by it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ CANONICAL_F_PX = 214.0
 FASTDEPTH_F_PX = 250.0
 
 _TYPICAL_M = 2.5  # what the decoder's own depth starts from
-_NEAREST_M = 0.05
 
 SEGMENTS = ("other", "wall", "floor", "door", "window", "ceiling")
 
@@ -67,7 +66,7 @@ def build_doornet(
     from a strip's centre to the opening's edges as fractions of the width; clear (B, N) logits
     that the way to the opening in this strip is free; depth
     (B, h/2, w/2) canonical metres; floor (B, h/4, w/4) logits; and for training only segments
-    (B, 6, h/4, w/4) logits and the two parts of depth, depth_own and depth_scaled. N = w / 4.
+    (B, 6, h/4, w/4) logits and depth_own, the decoder's own guess. N = w / 4.
     """
     import keras
     from keras import layers
@@ -159,8 +158,7 @@ def _decode(features: list[Tensor], config: DoorNetConfig) -> dict[str, Tensor]:
     near = separable(join([fine, metric_4]), config.width_4)
     correction = layers.Conv2D(1, 1, kernel_initializer="zeros", name="depth_head")(near)
     depth_own = ops.exp(up(own))
-    depth_scaled = metres * (CANONICAL_F_PX / FASTDEPTH_F_PX) * ops.exp(up(correction))
-    depth = ops.sqrt(depth_own * ops.maximum(depth_scaled, _NEAREST_M))
+    depth = metres * (CANONICAL_F_PX / FASTDEPTH_F_PX) * ops.exp(up(correction))
 
     # columns: rows pooled by attention, one softmax a head, and by maximum
     heads = config.attention_heads
@@ -202,7 +200,6 @@ def _decode(features: list[Tensor], config: DoorNetConfig) -> dict[str, Tensor]:
         "clear": clear,
         "depth": depth[:, 0],
         "depth_own": depth_own[:, 0],
-        "depth_scaled": depth_scaled[:, 0],
         "floor": floor[:, 0],
         "segments": segments,
     }

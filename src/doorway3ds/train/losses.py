@@ -87,7 +87,7 @@ def all_losses(
     p_open = bce(output["p_open"], target["p_open"] * 0.96 + 0.02, reduction="none")
     parts = [
         depth_loss(output[name], target["depth"], target["depth_weight"])
-        for name in ("depth_own", "depth_scaled")
+        for name in ("depth", "depth_own")
     ]
     plain, gradient = (sum(pair) / len(parts) for pair in zip(*parts, strict=True))
     clear = bce(output["clear"], target["clear"] * 0.94 + 0.03, reduction="none")
