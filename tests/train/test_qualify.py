@@ -6,28 +6,85 @@ import math
 import os
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
+torch = pytest.importorskip("torch")
 os.environ["KERAS_BACKEND"] = "torch"  # before Keras is first imported
-pytest.importorskip("keras")
+keras = pytest.importorskip("keras")
 
-from doorway3ds.errors import UserError
-from doorway3ds.evaluate.direction import (
+from doorway3ds.cli.main import run  # noqa: E402
+from doorway3ds.errors import UserError  # noqa: E402
+from doorway3ds.evaluate.direction import (  # noqa: E402
     DirectionRecord,
     PictureTruth,
     TruthOpening,
 )
-from doorway3ds.train import qualifyscore
-from doorway3ds.train.augment import view
-from doorway3ds.train.qualify import part, read_replay, read_site
-from doorway3ds.train.samples import Sample
-from tests.train.site import write_site
+from doorway3ds.train import qualifyscore  # noqa: E402
+from doorway3ds.train.augment import view  # noqa: E402
+from doorway3ds.train.doornet import DoorNetConfig, build_doornet  # noqa: E402
+from doorway3ds.train.export import export_onnx  # noqa: E402
+from doorway3ds.train.qualify import part, read_replay, read_site  # noqa: E402
+from doorway3ds.train.samples import Sample  # noqa: E402
+from tests.train.site import write_site  # noqa: E402
 
 pytestmark = pytest.mark.train
+
+
+@pytest.fixture(scope="module")
+def network(teachers: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An untrained network whose batch norm knows pictures like the site's."""
+    keras.config.set_image_data_format("channels_first")
+    keras.utils.set_random_seed(4)
+    net = build_doornet(
+        teachers / "deeplabv3_mnv2_ade20k_512.onnx",
+        teachers / "fastdepth_nyu_224.onnx",
+        DoorNetConfig(16, 16, 16, 16, 2, 0.0),
+    )
+    folder = tmp_path_factory.mktemp("network")
+    files = sorted(write_site(folder / "other", rooms=3, each=2).rglob("*.png"))
+    images = np.stack([cv2.resize(cv2.imread(str(f))[..., ::-1], (96, 64)) for f in files])
+    for layer in net.decoder.layers:
+        if type(layer).__name__ == "BatchNormalization":
+            layer.momentum = 0.0
+    with torch.no_grad():
+        net.whole(torch.from_numpy(images.transpose(0, 3, 1, 2).astype(np.float32)), training=True)
+    path = folder / "tiny.onnx"
+    export_onnx(net.whole, path, metadata={"depth_error": 0.2})
+    return path
+
+
+def test_nothing_is_written_when_it_is_not_better(
+    network: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site = write_site(tmp_path / "site", marked=False, rooms=12, each=2)
+    out = tmp_path / "made" / "site.onnx"
+    arguments = ["qualify", str(site), "--network", str(network), "--out", str(out)]
+    assert run([*arguments, "--learning-rate", "1e-9", "--epochs", "1"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1].startswith("not better: ")
+    assert not out.parent.exists()
+
+
+def test_ctrl_c_writes_nothing_and_says_so(
+    network: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    from doorway3ds.train import qualifyfit
+
+    def interrupted(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(qualifyfit, "fit", interrupted)
+    site = write_site(tmp_path / "site", rooms=12, each=2)
+    out = tmp_path / "site.onnx"
+    assert run(["qualify", str(site), "--network", str(network), "--out", str(out)]) == 130
+    assert "stopped; nothing was written" in capsys.readouterr().err
+    assert not out.exists()
 
 
 @pytest.mark.parametrize("seed", range(4))

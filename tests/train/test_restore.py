@@ -65,7 +65,7 @@ def test_what_is_read_back_gives_the_same(net: DoorNet, exported: Path) -> None:
     )
     before, after = outputs(net, image), outputs(restored.net, image)
     for name, value in before.items():
-        if name != "segments":  # serves training alone: not in the file
+        if name not in ("segments", "depth_own"):  # serve training alone: not in the file
             scale = float(value.abs().max())
             # the file rounds weights to 16 bits; `restore` itself compares with the file
             assert float((after[name] - value).abs().max()) / scale < 0.02, name

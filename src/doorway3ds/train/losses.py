@@ -15,7 +15,7 @@ Tensor = Any
 
 @dataclass(frozen=True)
 class LossWeights:
-    """Share of each loss in the sum."""
+    """Share of each loss in the sum; own_depth: of the decoder's own guess in both of depth's."""
 
     p_open: float = 0.5
     score: float = 1.0
@@ -23,6 +23,7 @@ class LossWeights:
     clear: float = 0.3
     depth: float = 1.0
     gradient: float = 0.5
+    own_depth: float = 0.5
     floor: float = 0.5
     segments: float = 0.3
 
@@ -85,11 +86,15 @@ def all_losses(
     bce = functional.binary_cross_entropy_with_logits
     # a little smoothing: labels of open and closed are wrong in a few per cent
     p_open = bce(output["p_open"], target["p_open"] * 0.96 + 0.02, reduction="none")
-    parts = [
-        depth_loss(output[name], target["depth"], target["depth_weight"])
-        for name in ("depth", "depth_own")
-    ]
-    plain, gradient = (sum(pair) / len(parts) for pair in zip(*parts, strict=True))
+    own = weights.own_depth
+    plain, gradient = (
+        (1 - own) * given + own * guessed
+        for given, guessed in zip(
+            depth_loss(output["depth"], target["depth"], target["depth_weight"]),
+            depth_loss(output["depth_own"], target["depth"], target["depth_weight"]),
+            strict=True,
+        )
+    )
     clear = bce(output["clear"], target["clear"] * 0.94 + 0.03, reduction="none")
     share = target["segment_weight"][:, None, None]
     floor_known = (target["floor"] != 255).float() * share

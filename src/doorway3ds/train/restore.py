@@ -7,8 +7,8 @@ What the restored network gives is compared with what the file gives, so that no
 rounding may differ.
 
 Batch norm comes back as the mean, factor and offset that it amounts to in use: right for a
-network that keeps them, which one that learns from few pictures does anyway. The head
-`segments` serves training alone, is not in the file, and comes back untrained.
+network that keeps them, which one that learns from few pictures does anyway. The heads
+of `segments` and `depth_own` serve training alone, are not in the file, and come back untrained.
 """
 
 from __future__ import annotations
