@@ -7,7 +7,6 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,7 @@ from doorway3ds.train.doornet import DoorNet, DoorNetConfig, build_doornet
 from doorway3ds.train.fit import Drawn, FitConfig, Held, Sampler, Stage, fit
 from doorway3ds.train.losses import LossWeights
 from doorway3ds.train.samples import Sample, read_rendered
+from tests.train.test_loop import Killed, Stops, kill
 
 pytestmark = pytest.mark.train
 
@@ -69,29 +69,6 @@ def same(a: DoorNet, b: DoorNet) -> bool:
     return all(np.array_equal(x, y) for x, y in pairs)
 
 
-class After:
-    """A watcher that acts after some batches, and lets others look at each."""
-
-    def __init__(self, left: int, act: Callable[[], None]) -> None:
-        self.left, self.act = left, act
-
-    def batch(self, epoch: int, step: int, steps: int, told: dict[str, float]) -> None:
-        self.left -= 1
-        if self.left == 0:
-            self.act()
-
-    def epoch(self, row: dict[str, float]) -> None:
-        pass
-
-
-class Killed(Exception):
-    """Stands for the process's end between two batches."""
-
-
-def kill() -> None:
-    raise Killed
-
-
 def interrupt() -> None:
     os.kill(os.getpid(), signal.SIGINT)
 
@@ -110,7 +87,7 @@ def test_resumed_anywhere_it_ends_with_the_weights_of_an_unbroken_run(
     for act, error, batches in ((interrupt, KeyboardInterrupt, 3), (kill, Killed, 5)):
         out = tmp_path / act.__name__
         with pytest.raises(error):
-            run(build(teachers), kept, out, held=held, watcher=After(batches, act))
+            run(build(teachers), kept, out, held=held, watcher=Stops(batches, act))
         again = build(teachers)
         rows = run(again, kept, out, held=held, resume=True)
         for row, want in zip(rows, history, strict=True):
@@ -120,7 +97,7 @@ def test_resumed_anywhere_it_ends_with_the_weights_of_an_unbroken_run(
     # done already: nothing is trained, nothing written anew
     before = (out / "stage-1.weights.h5").stat().st_mtime_ns
     again = build(teachers)
-    assert run(again, kept, out, held=held, resume=True, watcher=After(1, kill)) == history
+    assert run(again, kept, out, held=held, resume=True, watcher=Stops(1, kill)) == history
     assert same(again, whole)
     assert (out / "stage-1.weights.h5").stat().st_mtime_ns == before
     with pytest.raises(UserError, match="is of another training"):
@@ -138,7 +115,7 @@ def test_the_kept_weights_are_the_average_with_its_warm_up(
     net = build(teachers)
     seen: list[list[np.ndarray]] = []
 
-    class Look(After):
+    class Look(Stops):
         def batch(self, epoch: int, step: int, steps: int, told: dict[str, float]) -> None:
             seen.append([w.copy() for w in net.decoder.get_weights()])
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from doorway3ds.errors import UserError
-from doorway3ds.train.samples import Sample, Span
+from doorway3ds.train.samples import CONFIDENCE, Sample, Span
 
 _COLUMNS = ("image", "open", "left", "right", "clear", "confidence")
-_WEIGHT = {"3": 1.0, "2": 0.8, "1": 0.4}
+_WEIGHT = {str(sure): weight for sure, weight in CONFIDENCE.items()}
 
 
 @dataclass(frozen=True)

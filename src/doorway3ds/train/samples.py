@@ -27,7 +27,7 @@ _NYU40 = {0: 1, 1: 2, 7: 3, 8: 4, 21: 5, 39: UNKNOWN}
 _NYU_CAMERA = (518.86, 519.47, 325.58, 253.74)
 _NYU_CROP = 10  # a white frame of 5-8 px surrounds each picture
 _NYU_PLACE = 40  # neighbouring numbers show the same room
-_CONFIDENCE = {3: 1.0, 2: 0.8, 1: 0.4}
+CONFIDENCE = {3: 1.0, 2: 0.8, 1: 0.4}  # how sure the eye was -> weight
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ def read_nyu(folder: Path, width: int = 352) -> list[Sample]:
                 segments=cv2.resize(
                     _relabel(labels, _NYU40), size, interpolation=cv2.INTER_NEAREST
                 ),
-                weight=_CONFIDENCE[int(first["confidence"])],
+                weight=CONFIDENCE[int(first["confidence"])],
             )
         )
     return samples
@@ -228,7 +228,7 @@ def read_rendered(folder: Path) -> list[Sample]:
                 depth_m=depth,
                 segments=segments,
                 # not open and only guessed: a doorway is glimpsed, too little of it to count
-                weight=0.0 if glimpse else _CONFIDENCE[int(first["confidence"])],
+                weight=0.0 if glimpse else CONFIDENCE[int(first["confidence"])],
                 extra={"floor": floor > 127},
             )
         )
@@ -288,7 +288,7 @@ def from_frame(
         camera=(camera.fx, camera.fy, camera.cx, camera.cy),
         open=None if marked.is_open is None else int(marked.is_open),
         spans=spans,
-        weight=_CONFIDENCE[marked.confidence],
+        weight=CONFIDENCE[marked.confidence],
     )
 
 
