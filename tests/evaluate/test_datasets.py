@@ -51,7 +51,28 @@ def test_the_eigen_box_is_the_published_one(nyu):
 
 
 def test_kinds_come_from_the_labels(nyu):
-    assert datasets.kinds_shown(read_dataset(nyu).samples[2]) == ("door leaf",)
+    sample = read_dataset(nyu).samples[2]
+    labels = datasets.load_labels(sample)
+    assert labels.shape == (460, 620)
+    assert datasets.kinds_shown(sample, labels) == ("closed door",)
+
+
+def test_a_kind_counts_from_two_percent_of_the_picture_on(nyu):
+    """Its classes together, and of what remains after the frame is cut."""
+    sample = read_dataset(nyu).samples[2]
+    labels = np.zeros((460, 620), np.uint8)
+    labels[:, :7] = 12  # blinds
+    labels[:, 7:13] = 15  # curtain
+    assert datasets.kinds_shown(sample, labels) == ("window",)
+    labels[:, 12] = 39
+    assert datasets.kinds_shown(sample, labels) == ()
+
+
+def test_labels_that_are_no_labels_are_one_line(nyu):
+    file = nyu / "labels" / "0045.png"
+    cv2.imwrite(str(file), np.zeros((480, 640, 3), np.uint8))
+    with pytest.raises(UserError, match=r"0045\.png is no 8-bit one-channel label picture"):
+        datasets.load_labels(read_dataset(nyu).samples[2])
 
 
 def test_confidence_leaves_pictures_and_further_openings_out(nyu):
@@ -153,7 +174,11 @@ def test_the_renderers_own_camera_and_pose_win(tmp_path):
     file = tmp_path / "truth.jsonl"
     file.write_text(json.dumps(told) + "\n")
     (sample,) = read_dataset(tmp_path).samples
-    assert (sample.camera, sample.pose, sample.kinds) == (camera, pose, ("closed",))
+    assert (sample.camera, sample.pose, sample.kinds) == (camera, pose, ("closed door",))
+    in_view = ["sliding_closed", "window", "open", "window"]
+    file.write_text(json.dumps({**told, "in_view": in_view}) + "\n")
+    (sample,) = read_dataset(tmp_path).samples
+    assert sample.kinds == ("closed glass door", "window")
     file.write_text("{}\n")
     with pytest.raises(UserError, match=r"truth\.jsonl line 1"):
         read_dataset(tmp_path)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from doorway3ds.camera import Camera, Pose
-from doorway3ds.evaluate import pages, plots, sheets
+from doorway3ds.evaluate import datasets, pages, plots, sheets
 from doorway3ds.evaluate.direction import (
     DirectionRecord,
     PictureTruth,
@@ -61,8 +61,8 @@ def test_sheets_hold_every_tile():
 def test_the_answers_line_stands_where_its_bearing_is(pose):
     camera = Camera.from_fov(64, 48, 60)
     frame = Frame(np.zeros((48, 64, 3), np.uint8), camera, pose)
-    assert sheets.bearing_to_column(frame, pose.yaw_deg) == pytest.approx(31.5, abs=0.6)
-    assert sheets.bearing_to_column(frame, pose.yaw_deg + 10) < 31
+    assert datasets.bearing_to_column(frame, pose.yaw_deg) == pytest.approx(31.5, abs=0.6)
+    assert datasets.bearing_to_column(frame, pose.yaw_deg + 10) < 31
 
 
 def record(reason, listed, openings, p_open=0.9):

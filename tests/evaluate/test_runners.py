@@ -143,7 +143,7 @@ def test_classifier_records_carry_kinds_of_negatives_only(nyu):
     assert [(r.is_open, r.kinds) for r in records["oracle"]] == [
         (True, ()),
         (True, ()),
-        (False, ("door leaf",)),
+        (False, ("closed door",)),
     ]
     assert left_out == {}
 

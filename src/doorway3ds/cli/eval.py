@@ -113,10 +113,13 @@ def direction(
 ) -> None:
     """Bearing, range, way and gates against marked openings, methods side by side.
 
+    Where the data set tells what a picture without a doorway shows (closed door, window, mirror,
+    wardrobe ...), false alarms are told by kind.
+
     --network none --truth-depth --method paper measures the paper's selection on true depth.
     """
     from doorway3ds.evaluate import direction as scores
-    from doorway3ds.evaluate import pages, runners
+    from doorway3ds.evaluate import kinds, pages, runners
     from doorway3ds.networks.mirrored import Mirrored
 
     dataset = _dataset(data, layout, places, CameraOptions(camera, fov_deg), min_confidence)
@@ -141,8 +144,9 @@ def direction(
                 runs.add(runners.run_direction(_progress(part.samples), answer, known))
     scored = {label: scores.score(r, repeats) for label, r in runs.records.items()}
     differences = pages.direction_differences(runs.records, repeats)
-    result = pages.direction_json(scored, differences)
-    tables = [pages.direction_table(scored)]
+    by_kind = {label: kinds.score(r, repeats) for label, r in runs.records.items()}
+    result = pages.direction_json(scored, differences, by_kind)
+    tables = [pages.direction_table(scored), *pages.kind_tables(by_kind)]
     minus = pages.difference_table(differences, next(iter(scored)))
     if save_answers is not None:
         _write_answers(save_answers, runs)

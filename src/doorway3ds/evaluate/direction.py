@@ -50,13 +50,15 @@ class PictureTruth:
     """What a picture shows. is_open None (half-open only) stays out of p_open's score.
 
     place: pictures of one place depend on each other. openings: main one first; without any,
-    and is_open not None, there is no doorway to go to.
+    and is_open not None, there is no doorway to go to. kinds: what such a picture shows that is
+    easily taken for one.
     """
 
     image: str
     place: str
     is_open: bool | None
     openings: tuple[TruthOpening, ...] = ()
+    kinds: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,8 @@ class DirectionRecord:
     """One picture's truth beside one answer.
 
     listed: (bearing_deg, range_m) of the listed openings, best first. reason: value of
-    `types.Reason`. p_open nan = not given.
+    `types.Reason`. p_open nan = not given. lies_on: the kind of thing under the first listed
+    opening, "" = none that is asked for, None = not known.
     """
 
     truth: PictureTruth
@@ -72,6 +75,7 @@ class DirectionRecord:
     reason: str
     p_open: float
     clear: bool | None
+    lies_on: str | None = None
 
 
 @dataclass(frozen=True)

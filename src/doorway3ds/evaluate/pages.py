@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.evaluate import classifier, depth, direction, plots, sheets
+from doorway3ds.decision import Gates
+from doorway3ds.evaluate import classifier, depth, direction, kinds, plots, sheets
 from doorway3ds.evaluate.classifier import ClassifierMetrics, ClassifierRecord
 from doorway3ds.evaluate.datasets import Sample
 from doorway3ds.evaluate.depth import DepthMetrics, DepthRecord
 from doorway3ds.evaluate.direction import METRICS, DirectionMetrics, DirectionRecord, Outcome
 from doorway3ds.evaluate.intervals import Interval
+from doorway3ds.evaluate.kinds import KindScore
 from doorway3ds.evaluate.metrics import DEPTH_LIMITS_M
 from doorway3ds.evaluate.report import Report, Table, cell
 from doorway3ds.evaluate.runners import Label, Protocol
@@ -59,6 +61,24 @@ def difference_table(
     return Table(f"Minus {first}", [str(label) for label in differences], rows)
 
 
+def kind_tables(by_kind: Mapping[Label, Mapping[str, KindScore]]) -> list[Table]:
+    """A table for each column of the direction table whose data set tells kinds."""
+    tables = []
+    for label, scored in by_kind.items():
+        if not scored:
+            continue
+        labelled = any(math.isfinite(s.on_it.value) for s in scored.values())
+        columns = ["pictures", "places", "goes", f"p_open ≥ {Gates.open_from:g}"]
+        rows = []
+        for kind, s in scored.items():
+            cells = [str(s.pictures), str(s.places), cell(s.goes, "share"), cell(s.p_open, "share")]
+            rows.append((kind, "", [*cells, cell(s.on_it, "share")] if labelled else cells))
+        if labelled:
+            columns.append("best candidate on it")
+        tables.append(Table(f"No doorway, by what is shown: {label}", columns, rows))
+    return tables
+
+
 def direction_differences(
     records: Mapping[Label, Sequence[DirectionRecord]], repeats: int
 ) -> dict[Label, dict[str, Interval]]:
@@ -71,14 +91,20 @@ def direction_differences(
 def direction_json(
     scored: Mapping[Label, DirectionMetrics],
     differences: Mapping[Label, Mapping[str, Interval]],
+    by_kind: Mapping[Label, Mapping[str, KindScore]],
 ) -> dict[str, Any]:
+    """`no_doorway_by_kind` is there only where the data set tells kinds."""
+    runs = []
+    for label, s in scored.items():
+        run = {"method": label.method, "network": label.network, **s.to_dict()}
+        if by_kind[label]:
+            told = {kind: k.to_dict() for kind, k in by_kind[label].items()}
+            run["no_doorway_by_kind"] = told
+        runs.append(run)
     return {
         "task": "direction",
         "rule": " ".join((direction.__doc__ or "").split()),
-        "runs": [
-            {"method": label.method, "network": label.network, **s.to_dict()}
-            for label, s in scored.items()
-        ],
+        "runs": runs,
         "differences_to_first": [
             {
                 "method": label.method,
@@ -112,6 +138,8 @@ def add_direction_pictures(
             sheet = sheets.contact_sheet(tiles)
             report.add_sheet(f"worst-{number}", f"Worst of {label}", sheet)
     report.notes.append(" ".join((direction.__doc__ or "").split()))
+    if any(r.truth.kinds for column in records.values() for r in column):
+        report.notes.append(" ".join((kinds.__doc__ or "").split()))
     report.notes.append(INTERVALS)
     report.notes.append(
         "Contact sheets: marked openings green; the answer's bearing amber where within 5 "

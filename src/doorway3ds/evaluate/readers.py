@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -55,6 +55,15 @@ CLASS_FOLDERS: dict[str, bool | None] = {
     "semi-open": None,
     "semi-open-door": None,
     "semi": None,
+}
+
+# The renderer's words for what is no open doorway; "blank" and what is open are none of these.
+_RENDERED_KINDS = {
+    "closed": "closed door",
+    "sliding_closed": "closed glass door",
+    "window": "window",
+    "mirror": "mirror",
+    "wardrobe": "wardrobe or cabinet",
 }
 
 CAMERA_FILE = "camera.yaml"
@@ -147,13 +156,15 @@ def _read_doorways(path: Path, layout: str) -> tuple[list[Sample], bool]:
             place=place,
             image_path=_existing(path, name, where),
             is_open=is_open,
-            kinds=() if is_open else _kinds(main.get("state", ""), layout),
+            kinds=() if is_open else _kinds([main.get("state", "")], layout),
             confidence=_confidence(main, where),
         )
         sample = _with_files(sample, path, layout, main, where)
         if name in eyes:
-            camera, pose = eyes[name]
+            camera, pose, in_view = eyes[name]
             sample = replace(sample, camera=camera, pose=pose)
+            if in_view and not is_open:
+                sample = replace(sample, kinds=_kinds(in_view, layout))
         shift = NYU_CROP[2] if layout == "nyu" else 0
         marks = tuple(
             _marked(row, place_, shift) for place_, row in rows if flag(row, "open", place_)
@@ -236,8 +247,8 @@ def _with_files(
     return replace(sample, camera=camera, pose=pose, depth_path=depth_path, depth_unit_m=0.001)
 
 
-def _read_eyes(path: Path) -> dict[str, tuple[Camera, Pose]]:
-    """Camera and pose by picture; nothing where there is no such file."""
+def _read_eyes(path: Path) -> dict[str, tuple[Camera, Pose, list[str]]]:
+    """Camera, pose and what is in view by picture; nothing where there is no such file."""
     if not path.is_file():
         return {}
     try:
@@ -249,7 +260,8 @@ def _read_eyes(path: Path) -> dict[str, tuple[Camera, Pose]]:
         try:
             told = json.loads(line)
             camera = {**told["camera"], "distortion": tuple(told["camera"]["distortion"])}
-            eyes[str(told["image"])] = (Camera(**camera), Pose(**told["pose"]))
+            in_view = [str(state) for state in told.get("in_view", ())]
+            eyes[str(told["image"])] = (Camera(**camera), Pose(**told["pose"]), in_view)
         except (ValueError, KeyError, TypeError) as error:
             raise UserError(
                 f"{path} line {line_number}: expected a picture's camera and pose, {error!r}"
@@ -257,9 +269,13 @@ def _read_eyes(path: Path) -> dict[str, tuple[Camera, Pose]]:
     return eyes
 
 
-def _kinds(state: str, layout: str) -> tuple[str, ...]:
-    known = {} if layout == "rendered" else _MARKED_KINDS
-    return known.get(state, (state,) if state else ())
+def _kinds(states: Iterable[str], layout: str) -> tuple[str, ...]:
+    """What a picture without a doorway shows instead, each kind once."""
+    if layout == "rendered":
+        found = [_RENDERED_KINDS[state] for state in states if state in _RENDERED_KINDS]
+    else:
+        found = [kind for s in states if s for kind in _MARKED_KINDS.get(s, (s,))]
+    return tuple(dict.fromkeys(found))
 
 
 def _marked(row: Mapping[str, str], where: str, shift_px: float) -> Marked:

@@ -16,12 +16,14 @@ from doorway3ds.camera import Camera
 from doorway3ds.decision import Gates, decide
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.evaluate import depth as depth_scores
+from doorway3ds.evaluate import kinds as kind_scores
 from doorway3ds.evaluate.classifier import ClassifierRecord
 from doorway3ds.evaluate.datasets import (
     Sample,
     kinds_shown,
     load_depth,
     load_frame,
+    load_labels,
     picture_truth,
 )
 from doorway3ds.evaluate.depth import DepthRecord
@@ -92,20 +94,18 @@ def run_direction(
     runs = DirectionRuns()
     for sample in samples:
         try:
-            frame = load_frame(sample)
-            depth_m = load_depth(sample)
+            known = _known(sample)
         except UserError as error:
             runs.left_out[sample.name] = str(error)
             continue
-        truth = picture_truth(sample, frame, depth_m)
-        for label, decision in answer(frame, depth_m).items():
-            record = record_from_decision(truth, decision)
+        for label, decision in answer(known.frame, known.depth_m).items():
+            answered = answer_json(sample.name, sample.place, label, decision)
+            record = record_from_decision(known.truth, decision)
+            record = replace(record, lies_on=_lies_on(known, answered))
             if not p_open_known:
                 record = replace(record, p_open=math.nan)
             runs.records.setdefault(label, []).append(record)
-            runs.answers.setdefault(label, []).append(
-                answer_json(sample.name, sample.place, label, decision)
-            )
+            runs.answers.setdefault(label, []).append(answered)
     _some_left(runs.records, runs.left_out)
     return runs
 
@@ -216,14 +216,15 @@ def match_answers(
             runs.left_out[sample.name] = "a column of the table has no stored answer for it"
             continue
         try:
-            truth = _truth(sample)
+            known = _known(sample)
         except UserError as error:
             runs.left_out[sample.name] = str(error)
             continue
         for label, ends in by_end.items():
             answer = ends[sample.name]
             try:
-                record = record_from_json(truth, answer)
+                record = record_from_json(known.truth, answer)
+                record = replace(record, lies_on=_lies_on(known, answer))
             except (KeyError, TypeError, ValueError) as error:
                 raise UserError(
                     f"the stored answer of {label} to {sample.name} lacks or spoils {error}"
@@ -246,7 +247,7 @@ def run_classifier(
             continue
         try:
             frame = load_frame(sample)
-            kinds = () if sample.is_open else kinds_shown(sample)
+            kinds = () if sample.is_open else kinds_shown(sample, load_labels(sample))
         except UserError as error:
             left_out[sample.name] = str(error)
             continue
@@ -344,8 +345,31 @@ def predicted_depth(
         yield True, depth_scores.average_with_mirrored(plain, depth_of(flipped))
 
 
-def _truth(sample: Sample) -> PictureTruth:
-    return picture_truth(sample, load_frame(sample), load_depth(sample))
+@dataclass(frozen=True)
+class _Known:
+    """A sample's files, read. labels: only where there is no doorway."""
+
+    frame: Frame
+    depth_m: NDArray[np.float32] | None
+    truth: PictureTruth
+    labels: NDArray[np.uint8] | None
+
+
+def _known(sample: Sample) -> _Known:
+    frame, depth_m = load_frame(sample), load_depth(sample)
+    truth = picture_truth(sample, frame, depth_m)
+    if sample.is_open is not False:
+        return _Known(frame, depth_m, truth, None)
+    labels = load_labels(sample)
+    return _Known(frame, depth_m, replace(truth, kinds=kinds_shown(sample, labels)), labels)
+
+
+def _lies_on(known: _Known, answer: Mapping[str, Any]) -> str | None:
+    """The kind under the best candidate of an answer as `answer_json` gives it."""
+    if known.labels is None:
+        return None
+    span = kind_scores.candidate_deg(answer)
+    return "" if span is None else kind_scores.kind_under(known.labels, known.frame, *span)
 
 
 def _by_name_end(answers: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:

@@ -11,13 +11,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import ray_to_pixel, rotation
 from doorway3ds.draw.canvas import AMBER, GREEN, INK, PAPER, VERMILLION
 from doorway3ds.draw.text import Color, draw_text, wrap
-from doorway3ds.evaluate.datasets import Sample, load_depth, load_frame
+from doorway3ds.evaluate.datasets import Sample, bearing_to_column, load_depth, load_frame
 from doorway3ds.evaluate.depth import resize_map
 from doorway3ds.evaluate.direction import DirectionRecord, Outcome
-from doorway3ds.types import Frame
 
 TILE_WIDTH = 300
 TEXT_SIZE = 13.0
@@ -115,14 +113,6 @@ def picture_tile(sample: Sample | Image, caption: str) -> Tile:
     """The picture alone, read or at hand."""
     image = load_frame(sample).image if isinstance(sample, Sample) else sample
     return Tile(image, caption)
-
-
-def bearing_to_column(frame: Frame, bearing_deg: float) -> float:
-    """Column at which a level ray of this bearing (seen from the lens) meets the picture."""
-    angle = math.radians(bearing_deg)
-    robot = np.array([math.cos(angle), math.sin(angle), 0.0])
-    pixel = ray_to_pixel(frame.camera, rotation(frame.pose).T @ robot)
-    return float(np.nan_to_num(pixel[0], nan=-1.0))
 
 
 def _framed(tile: Tile) -> Image:
