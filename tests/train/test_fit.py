@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +19,7 @@ from doorway3ds.train.doornet import DoorNet, DoorNetConfig, build_doornet
 from doorway3ds.train.fit import Drawn, FitConfig, Held, Sampler, Stage, fit
 from doorway3ds.train.losses import LossWeights
 from doorway3ds.train.samples import Sample, read_rendered
+from tests.train.team import pair
 from tests.train.test_loop import Killed, Stops, kill
 
 pytestmark = pytest.mark.train
@@ -46,7 +44,7 @@ net = build(teachers)
 samples = read_rendered(rendered)
 history = run(net, samples[2:], out, held=samples[:2], team=team)
 np.savez(out / f"rank{team.rank}.npz", *net.whole.get_weights(), loss=history[-1]["val_loss"])
-engine.leave()
+engine.leave(team)
 """
 
 
@@ -211,26 +209,9 @@ def test_bfloat16_learns_with_weights_in_float32(
 def test_two_processes_end_with_the_same_weights(
     teachers: Path, rendered: Path, tmp_path: Path
 ) -> None:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    root = Path(__file__).resolve().parents[2]
-    shared = {**os.environ, "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(port)}
-    shared |= {"WORLD_SIZE": "2", "OMP_NUM_THREADS": "1", "PYTHONPATH": str(root)}
     out = tmp_path / "two"
-    members = [
-        subprocess.Popen(
-            [sys.executable, "-c", _MEMBER, str(teachers), str(rendered), str(out)],
-            env={**shared, "RANK": str(rank), "LOCAL_RANK": str(rank)},
-            cwd=root,
-        )
-        for rank in range(2)
-    ]
-    try:
+    with pair(_MEMBER, teachers, rendered, out) as members:
         assert [member.wait(timeout=500) for member in members] == [0, 0]
-    finally:
-        for member in members:
-            member.kill()
     with np.load(out / "rank0.npz") as first, np.load(out / "rank1.npz") as second:
         assert len(first.files) > 100
         assert all(np.array_equal(first[name], second[name]) for name in first.files)

@@ -3,9 +3,6 @@ from __future__ import annotations
 import csv
 import os
 import signal
-import socket
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +14,7 @@ pytest.importorskip("torch")
 from doorway3ds.errors import UserError
 from doorway3ds.train import checkpoint, engine
 from doorway3ds.train.loop import Loop, LoopConfig
+from tests.train.team import pair
 
 pytestmark = pytest.mark.train
 
@@ -34,7 +32,7 @@ loop, _ = make(Path(sys.argv[1]), team=team)
 history = loop.run()
 if team.leads:
     np.savez(sys.argv[2], *loop.model.get_weights(), loss=history[-1]["val_loss"])
-engine.leave()
+engine.leave(team)
 """
 
 
@@ -221,28 +219,11 @@ def test_bfloat16_learns_with_weights_in_float32(tmp_path: Path) -> None:
 
 
 def test_two_processes_learn_what_one_does(tmp_path: Path) -> None:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    root = Path(__file__).resolve().parents[2]
-    shared = {**os.environ, "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(port)}
-    shared |= {"WORLD_SIZE": "2", "OMP_NUM_THREADS": "1", "PYTHONPATH": str(root)}
     result = tmp_path / "two.npz"
-    members = [
-        subprocess.Popen(
-            [sys.executable, "-c", _MEMBER, str(tmp_path / "two"), str(result)],
-            env={**shared, "RANK": str(rank), "LOCAL_RANK": str(rank)},
-            cwd=root,
-        )
-        for rank in range(2)
-    ]
-    try:
+    with pair(_MEMBER, tmp_path / "two", result) as members:
         loop, _ = make(tmp_path / "one")
         history = loop.run()
         assert [member.wait(timeout=400) for member in members] == [0, 0]
-    finally:
-        for member in members:
-            member.kill()
     with np.load(result) as two:
         for number, weight in enumerate(loop.model.get_weights()):
             assert np.allclose(two[f"arr_{number}"], weight, atol=1e-5)

@@ -124,7 +124,7 @@ def doornet(
     )
     if team.leads:
         _say_written("doornet", out, card)
-    engine.leave()
+    engine.leave(team)
 
 
 @app.command()
@@ -230,7 +230,7 @@ def cnn_srin(
             f"({accuracy['low']:.3f} to {accuracy['high']:.3f}, n = {accuracy['n']})"
         )
         _finish(outcome, "cnn-srin", out, card, licence, install)
-    engine.leave()
+    engine.leave(team)
 
 
 @app.command()
@@ -335,7 +335,7 @@ def densedepth(
         typer.echo(f"held out: delta1 {delta1['value']:.3f}, RMSE {rmse['value']:.3f} m")
         # of another size than `3ds look` feeds, a file for KITTI is not installed
         _finish(outcome, "densedepth", out, card, licence, install and setting == "nyu")
-    engine.leave()
+    engine.leave(team)
 
 
 def _require_precision(precision: str) -> None:

@@ -6,24 +6,31 @@ gradients are added up (torch.distributed, gloo on CPUs and NCCL on GPUs).
 
 from __future__ import annotations
 
+import contextlib
 import os
-import sys
+import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import timedelta
 from typing import Any
 
 from doorway3ds.errors import UserError
 
 _PATIENCE = timedelta(days=1)  # features of many pictures take long; the others wait for them
+_FAREWELL_S = 60.0  # the leader's files are written by then: it waits no longer for the others
+_LOOK_S = 0.1
 
 
 @dataclass(frozen=True)
 class Team:
-    """The processes of one training: this one's number and how many there are."""
+    """The processes of one training: this one's number and how many there are.
+
+    store: what they tell each other by beside the gradients; None for a team of one.
+    """
 
     rank: int = 0
     size: int = 1
+    store: Any = field(default=None, repr=False, compare=False)
 
     @property
     def leads(self) -> bool:
@@ -90,21 +97,46 @@ def join() -> Team:
     import torch
     import torch.distributed as dist
 
-    if not dist.is_initialized():
-        on_gpu = torch.cuda.is_available()
-        if on_gpu:
-            torch.cuda.set_device(int(os.environ.get("LOCAL_RANK", "0")))
-        dist.init_process_group("nccl" if on_gpu else "gloo", timeout=_PATIENCE)
-    return Team(dist.get_rank(), dist.get_world_size())
+    on_gpu = torch.cuda.is_available()
+    if on_gpu:
+        torch.cuda.set_device(int(os.environ.get("LOCAL_RANK", "0")))
+    store, rank, size = next(dist.rendezvous("env://", timeout=_PATIENCE))
+    store.set_timeout(_PATIENCE)
+    backend = "nccl" if on_gpu else "gloo"
+    dist.init_process_group(backend, timeout=_PATIENCE, store=store, rank=rank, world_size=size)
+    return Team(rank, size, store)
 
 
-def leave() -> None:
-    """Ends the team once all its members are done; does nothing outside of one."""
-    dist = sys.modules.get("torch.distributed")
-    if dist is not None and dist.is_available() and dist.is_initialized():
-        # a member that goes first takes the store along, and the others' threads die of it
-        dist.barrier()
+def leave(team: Team, farewell_s: float = _FAREWELL_S) -> None:
+    """Ends the team once all its members are done; does nothing for a team of one.
+
+    The leader closes its connections when everyone has said to be done, and goes last, since the
+    store may live in its process. farewell_s: how long it waits for the others to say so. The
+    work is done by then, so what breaks on the way out fails nobody.
+    """
+    if team.store is None:
+        return
+    import torch.distributed as dist
+
+    others = range(1, team.size)
+    end = time.monotonic() + (farewell_s if team.leads else _PATIENCE.total_seconds())
+    with contextlib.suppress(RuntimeError):  # of which torch's errors of connections are
+        team.store.set(f"done/{team.rank}", "")
+        awaited = others if team.leads else [0]
+        _wait_for(team.store, [f"done/{rank}" for rank in awaited], end)
+    with contextlib.suppress(RuntimeError):
         dist.destroy_process_group()
+    with contextlib.suppress(RuntimeError):
+        team.store.set(f"left/{team.rank}", "")
+        if team.leads:
+            _wait_for(team.store, [f"left/{rank}" for rank in others], end)
+
+
+def _wait_for(store: Any, keys: list[str], end: float) -> None:
+    """Until all keys are set, or the monotonic clock says `end`."""
+    # asked again and again: a wait inside the store would shut out torch's own threads
+    while not store.check(keys) and time.monotonic() < end:
+        time.sleep(_LOOK_S)
 
 
 def wants_half(precision: str) -> bool:
