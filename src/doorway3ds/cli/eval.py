@@ -146,11 +146,12 @@ def direction(
     differences = pages.direction_differences(runs.records, repeats)
     by_kind = {label: kinds.score(r, repeats) for label, r in runs.records.items()}
     result = pages.direction_json(scored, differences, by_kind)
-    tables = [pages.direction_table(scored), *pages.kind_tables(by_kind)]
     minus = pages.difference_table(differences, next(iter(scored)))
+    tables = [pages.direction_table(scored), *([minus] if minus else [])]
+    tables += pages.kind_tables(by_kind)
     if save_answers is not None:
         _write_answers(save_answers, runs)
-    report = _report("Direction", dataset, runs.left_out, [*tables, *([minus] if minus else [])])
+    report = _report("Direction", dataset, runs.left_out, tables)
     if out is not None:
         samples = {s.name: s for s in dataset.samples}
         pages.add_direction_pictures(report, samples, runs.records, scored)
