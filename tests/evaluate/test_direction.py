@@ -114,6 +114,32 @@ def test_half_open_pictures_stay_out_of_p_open_and_of_no_door():
     assert scored["go_without_door"].n == 1
 
 
+@pytest.mark.parametrize("is_open", [True, None])
+def test_a_doorway_that_nobody_marked_counts_for_p_open_alone(is_open):
+    known = [
+        record([doorway()], [(0.0, None)]),
+        record([], [(3.0, None)], "no_door", 0.2),
+        record([], [(3.0, None)], "turn", 0.9),
+    ]
+    unmarked = [
+        replace(r, truth=PictureTruth("b", "q", is_open))
+        for r in (record(listed=[(3.0, 2.0)], p_open=0.1), record(reason="no_door"))
+    ]
+    alone = direction.score(known, repeats=0)
+    scored = direction.score([*known, *unmarked], repeats=0)
+    assert (scored.pictures, scored.doorway_pictures) == (5, 1)
+    for name, expected in alone.values.items():
+        if name != "auc" or is_open is None:
+            found = scored[name]
+            assert found.n == expected.n, name
+            assert found.value == pytest.approx(expected.value, nan_ok=True), name
+    assert alone["go_without_door"].n == 2
+    if is_open:
+        # of three open and two not: 0.9, 0.9 and 0.1 against 0.2 and 0.9
+        assert scored["auc"].n == 5
+        assert scored["auc"].value == pytest.approx((1.5 + 1.5 + 0) / 6)
+
+
 def test_no_pictures_give_unknown_values():
     assert all(math.isnan(value) for value in values([]).values())
 

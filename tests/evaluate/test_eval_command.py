@@ -93,6 +93,21 @@ def test_marks_by_hand_tell_kinds_but_not_where(tmp_path, capsys):
     assert door["best_candidate_on_it"]["value"] is None
 
 
+def test_a_folder_per_class_is_scored_for_p_open_and_goes_where_no_doorway_is(tmp_path):
+    for name in ("open-door/a.png", "open-door/b.png", "closed-door/c.png", "half-open/d.png"):
+        write_picture(tmp_path / "site" / name, 620, 460)
+    file = tmp_path / "a.json"
+    call = f"eval direction {tmp_path / 'site'} --method opening --repeats 0 --json {file}"
+    assert run(call.split()) == 0
+    (scored,) = numbers(file)["runs"]
+    assert (scored["pictures"], scored["doorway_pictures"]) == (4, 0)
+    counts = {name: metric["n"] for name, metric in scored["metrics"].items()}
+    assert counts.pop("auc") == 3
+    assert counts.pop("go_without_door") == 1
+    assert counts.pop("turns_inside") == 1  # there is nothing to turn to behind a closed door
+    assert set(counts.values()) == {0}
+
+
 def test_folds_use_their_own_networks_and_score_every_picture(nyu, tmp_path, oracle):
     file = tmp_path / "a.json"
     call = f"eval direction {nyu} --folds 2 --network f{{k}}.onnx --repeats 0 --json {file}"

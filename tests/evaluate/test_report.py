@@ -1,5 +1,6 @@
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -86,6 +87,8 @@ def test_worst_first():
     assert harm == sorted(harm, reverse=True)
     assert harm[-1] == 0
     assert pages.badness(judge(record("no_door", [3], [])), record("no_door", [3], [])) == 0
+    unmarked = replace(record("turn", [3], []), truth=PictureTruth("a", "p", True))
+    assert pages.badness(judge(unmarked), unmarked) == 0  # nobody can tell
 
 
 def test_plots_are_pictures():

@@ -221,4 +221,5 @@ def test_going_where_no_doorway_is_spoils_any_gain() -> None:
     assert "goes where there is no doorway +25.0 points" in verdict.why
     assert compared.before["found"].value == pytest.approx(2 / 8)
     assert compared.after["inside"].n == 6
+    assert compared.after["go_without_door"].n == 4  # what is open and not marked is not among them
     assert math.isnan(compared.after["go_when_blocked"].value)

@@ -7,7 +7,8 @@ selected pixel). It is compared with the nearest of the picture's marked opening
 `within` and `inside`, and is left out of the error's median and percentile, which stand
 beside the share `listed`. The way counts as that to the same, nearest, marked opening; where
 nothing is listed, as that to the main one. Bearing and way are the geometry's, also where
-the gate is closed (`no_door`).
+the gate is closed (`no_door`). A picture that shows a doorway, and nobody marked where, counts
+for p_open alone: neither as a doorway to point at nor as none.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ class PictureTruth:
     """What a picture shows. is_open None (half-open only) stays out of p_open's score.
 
     place: pictures of one place depend on each other. openings: main one first; without any,
-    and is_open not None, there is no doorway to go to. kinds: what such a picture shows that is
+    and is_open False, there is no doorway to go to. kinds: what such a picture shows that is
     easily taken for one.
     """
 
@@ -59,6 +60,11 @@ class PictureTruth:
     is_open: bool | None
     openings: tuple[TruthOpening, ...] = ()
     kinds: tuple[str, ...] = ()
+
+    @property
+    def unmarked(self) -> bool:
+        """Whether it shows a doorway, open or half open, and nobody said where."""
+        return self.is_open is not False and not self.openings
 
 
 @dataclass(frozen=True)
@@ -109,7 +115,10 @@ METRICS: dict[str, Metric] = {
         "doorway pictures; none listed counts as wrong",
     ),
     "turns_inside": Metric(
-        "turns that end inside an opening", "share", "high", "all answers `turn` or `aligned`"
+        "turns that end inside an opening",
+        "share",
+        "high",
+        "all answers `turn` or `aligned`, unless to a doorway that is not marked",
     ),
     "range_median_m": Metric("range error, median", "m", "low", "listed and true range both known"),
     "range_median_share": Metric(
@@ -300,7 +309,7 @@ def _statistic(
     way = column(o.way_clear for o in outcomes)
     inside = column(o.inside for o in outcomes)
     clear_right = column(o.clear_right for o in outcomes)
-    without = column(float(not r.truth.openings and r.truth.is_open is not None) for r in records)
+    unmarked = column(float(r.truth.unmarked) for r in records)
     is_open = column(
         math.nan if r.truth.is_open is None or math.isnan(r.p_open) else float(r.truth.is_open)
         for r in records
@@ -315,8 +324,8 @@ def _statistic(
         "listed": where(doorway == 1, (~np.isnan(error)).astype(float)),
         "within_5deg": column(o.within for o in outcomes),
         "inside": inside,
-        "turns_inside": where(go == 1, np.nan_to_num(inside, nan=0.0)),
-        "go_without_door": where(without == 1, go),
+        "turns_inside": where((go == 1) & (unmarked == 0), np.nan_to_num(inside, nan=0.0)),
+        "go_without_door": where((doorway == 0) & (unmarked == 0), go),
         "go_when_blocked": where(way == 0, go),
         "go_when_clear": where(way == 1, go),
         "clear_agreement": clear_right,

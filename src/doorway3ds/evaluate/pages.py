@@ -150,6 +150,8 @@ def add_direction_pictures(
 
 def badness(outcome: Outcome, record: DirectionRecord) -> float:
     """How much harm an answer would do, for ordering; 0 = right."""
+    if record.truth.unmarked:
+        return 0.0
     error = 0.0 if math.isnan(outcome.error_deg) else abs(outcome.error_deg)
     if not record.truth.openings:
         sure = 0.0 if math.isnan(record.p_open) else record.p_open
