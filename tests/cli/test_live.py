@@ -157,17 +157,27 @@ def test_a_camera_that_goes_away_is_said_to_be_lost_and_ends(cli: Cli) -> None:
     assert "is lost" in ran.err and "gave no picture for 1.5 s" in ran.err
 
 
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "background"])
 def test_stopped_by_a_signal_the_film_is_whole(cli: Cli, name: str) -> None:
+    """In the background of a script Ctrl-C is ignored: it is for what runs in front."""
+    ignoring = ["sh", "-c", 'trap "" INT; exec "$@"', "sh"] if name == "background" else []
     with MjpegServer() as server:
         call = [sys.executable, "-m", "doorway3ds.cli.main", "live", server.url, "--json", *NET]
-        process = subprocess.Popen([*call, "--out", "seen.mp4"], stdout=subprocess.PIPE)
-        assert process.stdout is not None
-        for _ in range(5):
-            process.stdout.readline()
-        process.send_signal(getattr(signal, name))
-        process.stdout.read()
-        assert process.wait(timeout=20) == 130
+        process = subprocess.Popen(
+            [*ignoring, *call, "--out", "seen.mp4"], stdout=subprocess.PIPE, text=True
+        )
+        try:
+            assert process.stdout is not None
+            told = [process.stdout.readline() for _ in range(5)]
+            if ignoring:
+                process.send_signal(signal.SIGINT)
+                told += [process.stdout.readline() for _ in range(20)]
+            assert all(told)
+            process.send_signal(signal.SIGTERM if ignoring else getattr(signal, name))
+            process.communicate(timeout=20)
+        finally:
+            process.kill()
+        assert process.returncode == 130
     assert cv2.VideoCapture("seen.mp4").read()[0]
     assert not list(Path().glob(".*part*"))
 
