@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
 
 from doorway3ds.errors import UserError
 from doorway3ds.train.augment import AugmentConfig
+from doorway3ds.train.compose import ComposeConfig
 from doorway3ds.train.doornet import DoorNetConfig
 from doorway3ds.train.fit import FitConfig, Stage
 from doorway3ds.train.losses import LossWeights
@@ -34,6 +35,7 @@ class Recipe:
     augment: AugmentConfig
     losses: LossWeights
     pseudo: Pseudo
+    compose: ComposeConfig = field(default_factory=ComposeConfig)
     same_place: float = 0.55
     text: str = ""
 
@@ -84,6 +86,7 @@ def read_recipe(path: Path | None = None) -> Recipe:
         "augment": _build(AugmentConfig, values.pop("augment", {}), f"{name}, augment"),
         "losses": _build(LossWeights, values.pop("losses", {}), f"{name}, losses"),
         "pseudo": _build(Pseudo, values.pop("pseudo", {}), f"{name}, pseudo"),
+        "compose": _build(ComposeConfig, values.pop("compose", {}), f"{name}, compose"),
     }
     same_place = float(values.pop("same_place", Recipe.same_place))
     fit = _build(FitConfig, {**values, "stages": tuple(stages)}, name)

@@ -20,6 +20,7 @@ from doorway3ds.networks.session import digest
 from doorway3ds.train import outcome
 from doorway3ds.train.augment import view
 from doorway3ds.train.calibrate import platt, relative_depth_error
+from doorway3ds.train.compose import compose
 from doorway3ds.train.doornet import DoorNet, build_doornet
 from doorway3ds.train.doorreport import write_report
 from doorway3ds.train.engine import ALONE, Team, wants_half
@@ -202,6 +203,7 @@ def train_doornet(
     if marks is not None:
         samples = apply_marks(samples, read_marks(marks))
     kept, held = split(samples, *hold_out, report) if hold_out else (samples, [])
+    kept = kept + compose(kept, recipe.compose, recipe.fit.seed)
     keras.utils.set_random_seed(recipe.fit.seed)
     net = build_doornet(teachers.semantic, teachers.depth, recipe.network)
     if init is not None:
@@ -271,7 +273,10 @@ def _identity(teachers: Teachers, recipe: Recipe, init: Path | None) -> str:
     """What must be the same for a resumed training, besides what `fit` knows."""
     first = [teachers.semantic, teachers.depth, *([init] if init else [])]
     return outcome.identity(
-        [digest(path) for path in first], asdict(recipe.network), asdict(recipe.pseudo)
+        [digest(path) for path in first],
+        asdict(recipe.network),
+        asdict(recipe.pseudo),
+        asdict(recipe.compose),
     )
 
 

@@ -185,10 +185,18 @@ def read_doors(folder: Path, places: dict[str, str], width: int = 264) -> list[S
                 camera=(focal, focal, (width - 1) / 2, (height - 1) / 2),
                 open=1 if "open" in states else None if "semi" in states else 0,
                 spans=spans,
-                extra={"states": sorted(states)},
+                extra={"states": sorted(states)} | _leaf(rows),
             )
         )
     return samples
+
+
+def _leaf(rows: list[dict[str, str]]) -> dict[str, Any]:
+    """The first closed door's box, as fractions of width and height."""
+    for row in rows:
+        if row["state"] == "closed":
+            return {"leaf": tuple(float(row[k]) for k in ("left", "top", "right", "bottom"))}
+    return {}
 
 
 def read_rendered(folder: Path) -> list[Sample]:
