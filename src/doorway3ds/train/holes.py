@@ -120,7 +120,7 @@ def fit_plane(sample: Sample, mask: Array, rng: np.random.Generator) -> Plane | 
     rows, columns = rows[pick], columns[pick]
     rays, depth = rays_of(sample)[rows, columns], depth_of(sample)[rows, columns]
     near = np.ones(len(depth), bool)
-    normal = np.zeros(3)
+    normal: Array = np.zeros(3)
     for limit in (0.15, 0.06, 0.04):
         normal = np.linalg.lstsq(rays[near], 1 / depth[near], rcond=None)[0]
         near = np.abs(depth * (rays @ normal) - 1) < limit
@@ -144,7 +144,7 @@ def horizon(sample: Sample) -> float:
 def depth_of(sample: Sample) -> Array:
     """(H, W) metres; what is unknown is very far."""
     assert sample.depth_m is not None
-    return np.nan_to_num(sample.depth_m, nan=_FAR_M)
+    return np.asarray(np.nan_to_num(sample.depth_m, nan=_FAR_M))
 
 
 def classes_of(sample: Sample) -> Array:
