@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from doorway3ds.errors import UserError
+from doorway3ds.train.tidygraph import tidy
 
 # largest difference allowed, relative to each output's largest value; 16-bit weights are rounded
 BOUND, HALF_BOUND = 1e-3, 0.05
@@ -61,7 +62,7 @@ def export(
         path.parent.mkdir(parents=True, exist_ok=True)
         example = torch.rand(1, *shapes[0], device=device) * scale
         trace(wrapped, example, str(temporary), outputs, axes)
-        graph = onnx.load(str(temporary))
+        graph = tidy(onnx.load(str(temporary)))
         if half:
             _store_half(graph)
         entry = graph.metadata_props.add()

@@ -14,6 +14,7 @@ of `segments` and `depth_own` serve training alone, are not in the file, and com
 from __future__ import annotations
 
 import json
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,6 +35,7 @@ Array = NDArray[np.float32]
 _KINDS = {"Conv": "kernel", "MatMul": "kernel", "Sub": "mean", "Mul": "factor", "Add": "offset"}
 _DECODER = {"Conv2D", "DepthwiseConv2D", "Dense", "BatchNormalization"}
 _SEMANTIC_CONVS = 51  # of MobileNetV2 to its 320 channels
+_DEPTH_CONVS = 38  # of FastDepth
 
 
 class _Misfit(Exception):
@@ -183,7 +185,7 @@ def _build(steps: Sequence[_Step]) -> DoorNet:
     semantic, decoder = _convolutions(front[roots[0] :], _SEMANTIC_CONVS)
     if roots[0] != 0:
         raise _Misfit("something with weights comes before the first encoder")
-    depth, rest = _convolutions(back)
+    depth, rest = _convolutions(back, _DEPTH_CONVS)
     decoder = [*decoder, *rest]
     try:
         net = build_doornet(semantic, depth, _config(decoder))
@@ -193,13 +195,11 @@ def _build(steps: Sequence[_Step]) -> DoorNet:
     return net
 
 
-def _convolutions(
-    steps: Sequence[_Step], count: int | None = None
-) -> tuple[list[FoldedConv], list[_Step]]:
-    """Convolutions with their offsets, `count` or as many as there are, and what comes then."""
+def _convolutions(steps: Sequence[_Step], count: int) -> tuple[list[FoldedConv], list[_Step]]:
+    """The first `count` convolutions with their offsets, or what there is, and what comes then."""
     found: list[FoldedConv] = []
     at = 0
-    while at + 1 < len(steps) and (count is None or len(found) < count):
+    while at + 1 < len(steps) and len(found) < count:
         conv, offset = steps[at : at + 2]
         if (conv.kind, offset.kind) != ("Conv", "Add"):
             break
@@ -219,10 +219,10 @@ def _config(decoder: Sequence[_Step]) -> DoorNetConfig:
 
 def _load(net: DoorNet, steps: Sequence[_Step]) -> None:
     """Gives the decoder its weights, checked one by one."""
-    source = iter(steps)
+    source = deque(steps)
 
     def take(kind: str, layer: Any, shape: tuple[int, ...]) -> Array:
-        step = next(source, None)
+        step = source.popleft() if source else None
         wanted = f"{layer.name} needs a {_KINDS[kind]} of {'x'.join(map(str, shape))}"
         if step is None:
             raise _Misfit(f"{wanted}, the file ends before")
@@ -237,7 +237,11 @@ def _load(net: DoorNet, steps: Sequence[_Step]) -> None:
     for layer in _in_order(net.decoder):
         shapes = [tuple(weight.shape) for weight in layer.weights]
         if type(layer).__name__ == "BatchNormalization":
-            mean, factor, offset = (take(kind, layer, shapes[0]) for kind in ("Sub", "Mul", "Add"))
+            mean, factor = np.zeros(shapes[0], np.float32), np.ones(shapes[0], np.float32)
+            # after a convolution, its kernel may have the factor, and its offset the mean
+            if not source or source[0].kind != "Add":
+                mean, factor = (take(kind, layer, shapes[0]) for kind in ("Sub", "Mul"))
+            offset = take("Add", layer, shapes[0])
             variance = np.full(shapes[0], 1 - layer.epsilon, np.float32)
             layer.set_weights([factor, offset, mean, variance])
             continue
@@ -249,8 +253,8 @@ def _load(net: DoorNet, steps: Sequence[_Step]) -> None:
             shape = tuple(shapes[0][axis] for axis in to_onnx)
             kernel = take("Conv", layer, shape).transpose(np.argsort(to_onnx))
         layer.set_weights([kernel, *(take("Add", layer, shape) for shape in shapes[1:])])
-    left = next(source, None)
-    if left is not None:
+    if source:
+        left = source[0]
         raise _Misfit(f"it has a further {_KINDS[left.kind]} of {left.values.shape}")
 
 
