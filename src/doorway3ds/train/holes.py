@@ -88,7 +88,7 @@ def cut(host: Sample, size: Size, rng: np.random.Generator) -> Hole | None:
         return None  # a ceiling or a table that is called wall
     upright /= np.linalg.norm(upright)
     along = np.cross(upright, wall.unit)
-    ray = rays_of(host)[v, u]
+    ray = _rays_at(host, v, u)
     point = ray * wall.depth(ray)
     foot = point - upright * ((height + point @ up) / (upright @ up))
     if floor is None and size.sill == 0 and _project(host, foot[None])[0, 1] < len(classes):
@@ -118,7 +118,7 @@ def fit_plane(sample: Sample, mask: Array, rng: np.random.Generator) -> Plane | 
         return None
     pick = rng.integers(len(rows), size=400)
     rows, columns = rows[pick], columns[pick]
-    rays, depth = rays_of(sample)[rows, columns], depth_of(sample)[rows, columns]
+    rays, depth = _rays_at(sample, rows, columns), depth_of(sample)[rows, columns]
     near = np.ones(len(depth), bool)
     normal: Array = np.zeros(3)
     for limit in (0.15, 0.06, 0.04):
@@ -155,10 +155,14 @@ def classes_of(sample: Sample) -> Array:
 
 def rays_of(sample: Sample) -> Array:
     """(H, W, 3), z = 1."""
-    fx, fy, cx, cy = sample.camera
     rows, columns = sample.image.shape[:2]
-    v, u = np.mgrid[0:rows, 0:columns]
-    return np.stack([(u - cx) / fx, (v - cy) / fy, np.ones_like(u, float)], axis=-1)
+    return _rays_at(sample, *np.mgrid[0:rows, 0:columns])
+
+
+def _rays_at(sample: Sample, rows: Any, columns: Any) -> Array:
+    """(..., 3) through pixels, z = 1."""
+    fx, fy, cx, cy = sample.camera
+    return np.stack([(columns - cx) / fx, (rows - cy) / fy, np.ones(np.shape(rows))], axis=-1)
 
 
 def _project(sample: Sample, points: Array) -> Array:
