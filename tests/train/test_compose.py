@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from doorway3ds.train.compose import ComposeConfig, compose
+from doorway3ds.train.compose import ComposeConfig, _warped, compose
 from doorway3ds.train.holes import (
     DOOR,
     FLOOR,
@@ -190,6 +190,15 @@ def test_the_same_seed_builds_the_same() -> None:
     for a, b in zip(one, other, strict=True):
         assert (a.name, a.spans) == (b.name, b.spans)
         np.testing.assert_array_equal(a.image, b.image)
+
+
+@pytest.mark.parametrize("far_side", [60.0, 75.0, 100.0, 150.0])
+def test_a_vanishing_line_within_the_picture_does_not_matter(far_side: float) -> None:
+    low, high = 132 - far_side / 2, 132 + far_side / 2
+    corners = np.array([[100.0, 232], [100, 32], [150, low], [150, high]])
+    warped = _warped(leaf(), np.array([0.0, 0, 1, 1]), corners, (HEIGHT, WIDTH))
+    assert warped.shape == (HEIGHT, WIDTH, 3)
+    np.testing.assert_allclose(warped[132, 102:149], np.tile([140, 90, 60], (47, 1)), atol=0.5)
 
 
 def test_nothing_is_built_from_nothing() -> None:

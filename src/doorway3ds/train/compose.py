@@ -306,9 +306,10 @@ def _warped(sample: Sample, box: Array, quad: Array, shape: tuple[int, ...]) -> 
     matrix = cv2.getPerspectiveTransform(
         (corners * [width, height]).astype(np.float32), quad.astype(np.float32)
     )
-    warped = cv2.warpPerspective(
-        sample.image, matrix, shape[::-1], borderMode=cv2.BORDER_REFLECT_101
-    )
+    # what lies beyond the corners is not looked at; near a vanishing line it comes from so far away
+    # that reflecting it, which OpenCV does by one width at a time, never ends
+    border = cv2.BORDER_REPLICATE
+    warped = cv2.warpPerspective(sample.image, matrix, shape[::-1], borderMode=border)
     return np.asarray(warped, np.float32)
 
 
