@@ -192,6 +192,25 @@ def test_the_same_seed_builds_the_same() -> None:
         np.testing.assert_array_equal(a.image, b.image)
 
 
+def test_passages_are_wide_and_so_are_windows() -> None:
+    rooms = [room("near", 2.5), room("far", 6.0, seed=1), room("other", 5.0, 0.05, seed=2), leaf()]
+    config = ComposeConfig(count=40, width_m=(0.6, 0.7), passages=1.0, passage_m=(1.6, 2.4))
+    found = {False: compose(rooms, replace(config, passages=0.0), seed=3)}
+    found[True] = compose(rooms, config, seed=3)
+    for passages, samples in found.items():
+        for sample in samples:
+            kind = sample.name.split("+")[1]
+            if kind == "open":
+                wall_m = {"near": 2.5, "far": 6.0, "other": 5.0}[sample.place]
+                span = sample.spans[0]
+                wide = (span.right - span.left) * wall_m / FOCAL
+                # a leaf takes up to half of it, the wall's thickness some more
+                assert (0.6 < wide < 2.45) if passages else (0.2 < wide < 0.72), sample.name
+            if kind == "window" and passages:
+                columns = np.flatnonzero((sample.segments == WINDOW).any(axis=0))
+                assert np.ptp(columns) > 0.15 * WIDTH
+
+
 @pytest.mark.parametrize("far_side", [60.0, 75.0, 100.0, 150.0])
 def test_a_vanishing_line_within_the_picture_does_not_matter(far_side: float) -> None:
     low, high = 132 - far_side / 2, 132 + far_side / 2

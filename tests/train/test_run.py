@@ -198,6 +198,8 @@ def test_places_are_found_by_likeness() -> None:
         ("batch: 4", "needs a list `stages`"),
         ("{", "is no YAML"),
         ("stages: [{epochs: 1, learning_rate: fast}]", "learning_rate must be a number"),
+        ("{stages: [{epochs: 1, learning_rate: 1}], same_place: near}", "same_place must be a n"),
+        ("{stages: [{epochs: 1, learning_rate: 1}], closed_weight: -1}", "closed_weight must be"),
     ],
 )
 def test_a_wrong_recipe_is_named(tmp_path: Path, text: str, message: str) -> None:
@@ -215,6 +217,23 @@ def test_the_packaged_recipe_is_whole() -> None:
     recipe = read_recipe()
     assert sum(stage.epochs for stage in recipe.fit.stages) > 0
     assert replace(recipe.fit, seed=3).seed == 3
+
+
+def test_close_ups_of_closed_doors_count_as_told(tmp_path: Path) -> None:
+    from doorway3ds.train.samples import read_doors
+
+    rows = ["image,state,left,top,right,bottom"]
+    (tmp_path / "images").mkdir()
+    for number, state in enumerate(("closed", "open", "semi", "closed")):
+        cv2.imwrite(
+            str(tmp_path / "images" / f"{number}.png"), np.full((104, 104, 3), 90, np.uint8)
+        )
+        rows.append(f"{number}.png,{state},0.2,0.1,0.8,0.9")
+    rows.append("3.png,open,0.8,0.1,0.9,0.9")
+    (tmp_path / "boxes.csv").write_text("\n".join(rows) + "\n")
+    samples = read_doors(tmp_path, {}, closed_weight=1.7)
+    assert [sample.open for sample in samples] == [0, 1, None, 1]
+    assert [sample.weight for sample in samples] == [1.7, 1.0, 1.0, 1.0]
 
 
 def test_what_is_no_data_set_is_refused(

@@ -51,7 +51,7 @@ class ComposeConfig:
 
     count: pictures to build. opens: share of them with a doorway; of the others the share
     `closed` holds a closed door, the rest a window, a picture or a mirror. width_m, height_m:
-    of doorways.
+    of doorways. passages: share of the doorways, and of what is no door, that are passage_m wide.
     """
 
     count: int = 0
@@ -59,6 +59,8 @@ class ComposeConfig:
     closed: float = 0.5
     width_m: tuple[float, float] = (0.65, 1.3)
     height_m: tuple[float, float] = (1.9, 2.3)
+    passages: float = 0.0
+    passage_m: tuple[float, float] = (1.3, 2.6)
 
 
 def compose(samples: Sequence[Sample], config: ComposeConfig, seed: int = 1) -> list[Sample]:
@@ -176,11 +178,15 @@ class _Builder:
         )
 
     def _size(self, kind: str, rng: np.random.Generator) -> Size:
+        config = self._config
+        # a hole as wide as a passage must not tell that it is one
+        passage = config.passages and kind != "closed" and rng.random() < config.passages
         if kind in ("open", "closed"):
-            wide, high = rng.uniform(*self._config.width_m), rng.uniform(*self._config.height_m)
-            return Size(wide, 0.0, high)
+            wide = rng.uniform(*(config.passage_m if passage else config.width_m))
+            return Size(wide, 0.0, rng.uniform(*config.height_m))
         sill = rng.uniform(0.65, 1.3) if kind != "mirror" else rng.uniform(0.05, 1.1)
-        return Size(rng.uniform(0.4, 1.5), sill, sill + rng.uniform(0.5, 1.4))
+        wide = rng.uniform(*(config.passage_m if passage else (0.4, 1.5)))
+        return Size(wide, sill, sill + rng.uniform(0.5, 1.4))
 
     def _behind(
         self, host: Sample, wall: Array, region: Array, rng: np.random.Generator

@@ -28,7 +28,11 @@ class Pseudo:
 
 @dataclass(frozen=True)
 class Recipe:
-    """Everything that a training of doornet needs besides data and first weights."""
+    """Everything that a training of doornet needs besides data and first weights.
+
+    same_place: cosine of ImageNet features from which on two door photographs show one place.
+    closed_weight: of a photograph that a closed door fills, among those of one.
+    """
 
     fit: FitConfig
     network: DoorNetConfig
@@ -37,6 +41,7 @@ class Recipe:
     pseudo: Pseudo
     compose: ComposeConfig = field(default_factory=ComposeConfig)
     same_place: float = 0.55
+    closed_weight: float = 1.0
     text: str = ""
 
 
@@ -88,6 +93,11 @@ def read_recipe(path: Path | None = None) -> Recipe:
         "pseudo": _build(Pseudo, values.pop("pseudo", {}), f"{name}, pseudo"),
         "compose": _build(ComposeConfig, values.pop("compose", {}), f"{name}, compose"),
     }
-    same_place = float(values.pop("same_place", Recipe.same_place))
+    numbers = {
+        key: values.pop(key, getattr(Recipe, key)) for key in ("same_place", "closed_weight")
+    }
+    for key, value in numbers.items():
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or value < 0:
+            raise UserError(f"{name}: {key} must be a number from 0 on, got {value!r}")
     fit = _build(FitConfig, {**values, "stages": tuple(stages)}, name)
-    return Recipe(fit=fit, same_place=same_place, text=text, **parts)
+    return Recipe(fit=fit, text=text, **numbers, **parts)

@@ -87,7 +87,7 @@ def read_all(folders: Sequence[Path], teachers: Teachers, recipe: Recipe) -> lis
     samples: list[Sample] = []
     for folder in folders:
         if (folder / "boxes.csv").is_file():
-            found = read_doors(folder, {})
+            found = read_doors(folder, {}, closed_weight=recipe.closed_weight)
             places = cluster_places(describe(found, teachers.places), recipe.same_place)
             found = [
                 replace(sample, place=f"{folder.name}-{place:04d}")
@@ -277,6 +277,7 @@ def _identity(teachers: Teachers, recipe: Recipe, init: Path | None) -> str:
         asdict(recipe.network),
         asdict(recipe.pseudo),
         asdict(recipe.compose),
+        recipe.closed_weight,
     )
 
 

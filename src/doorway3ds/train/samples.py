@@ -155,10 +155,13 @@ def read_nyu(folder: Path, width: int = 352) -> list[Sample]:
     return samples
 
 
-def read_doors(folder: Path, places: dict[str, str], width: int = 264) -> list[Sample]:
+def read_doors(
+    folder: Path, places: dict[str, str], width: int = 264, closed_weight: float = 1.0
+) -> list[Sample]:
     """Door photographs with state boxes: squares that were portraits of 480x640, 64 deg wide.
 
-    places: picture name to place (see `cluster_places`).
+    places: picture name to place (see `cluster_places`). closed_weight: of pictures in which
+    every door is closed.
     """
     samples = []
     for name, rows in sorted(read_rows(folder / "boxes.csv").items()):
@@ -176,6 +179,7 @@ def read_doors(folder: Path, places: dict[str, str], width: int = 264) -> list[S
             if row["state"] in ("open", "semi")
         )
         focal = width / 2 / np.tan(np.radians(32.0))
+        is_open = 1 if "open" in states else None if "semi" in states else 0
         samples.append(
             Sample(
                 name=name,
@@ -183,8 +187,9 @@ def read_doors(folder: Path, places: dict[str, str], width: int = 264) -> list[S
                 place=places.get(name, name),
                 image=image,
                 camera=(focal, focal, (width - 1) / 2, (height - 1) / 2),
-                open=1 if "open" in states else None if "semi" in states else 0,
+                open=is_open,
                 spans=spans,
+                weight=closed_weight if is_open == 0 else 1.0,
                 extra={"states": sorted(states)} | _leaf(rows),
             )
         )
