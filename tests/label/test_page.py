@@ -20,6 +20,7 @@ class Labeller(Page):
 
     def begin(self, url: str, width: int = 1280, height: int = 900) -> None:
         self.driver.get("about:blank")  # another #number of the same page loads nothing
+        self.problems()  # of the page before, which may have asked a server that has gone
         self.open(url, width, height)
 
     def press(self, *keys: str) -> None:
