@@ -198,6 +198,7 @@ def test_passages_are_wide_and_so_are_windows() -> None:
     found = {False: compose(rooms, replace(config, passages=0.0), seed=3)}
     found[True] = compose(rooms, config, seed=3)
     for passages, samples in found.items():
+        assert {s.name.split("+")[1] for s in samples} >= {"open", "window"}
         for sample in samples:
             kind = sample.name.split("+")[1]
             if kind == "open":
