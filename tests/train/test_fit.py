@@ -171,6 +171,19 @@ def test_batches_are_those_of_their_number_whoever_draws_them(rendered: Path) ->
     assert [data.names[i] for i in third] == [sample.name for sample, _ in sampler.draw(8)]
 
 
+def test_shares_say_which_sources_are_drawn(rendered: Path) -> None:
+    samples = read_rendered(rendered)
+    other = [replace(sample, source="other") for sample in samples]
+    config = replace(CONFIG, shares={"rendered": 0.0, "other": 0.3})
+    sampler = Sampler(samples + other, config, AugmentConfig())
+    assert {s.source for step in range(6) for s, _ in sampler.draw(step)} == {"other"}
+    # one that is not named counts 1
+    sampler = Sampler(samples + other, replace(config, shares={"rendered": 0.0}), AugmentConfig())
+    assert {s.source for step in range(6) for s, _ in sampler.draw(step)} == {"other"}
+    with pytest.raises(UserError, match="leave nothing of the pictures given: rendered"):
+        Sampler(samples, config, AugmentConfig())
+
+
 def test_held_out_pictures_come_in_batches_of_one_shape(rendered: Path) -> None:
     samples = read_rendered(rendered)[:5]
     upright = [

@@ -200,6 +200,10 @@ def test_places_are_found_by_likeness() -> None:
         ("stages: [{epochs: 1, learning_rate: fast}]", "learning_rate must be a number"),
         ("{stages: [{epochs: 1, learning_rate: 1}], same_place: near}", "same_place must be a n"),
         ("{stages: [{epochs: 1, learning_rate: 1}], closed_weight: -1}", "closed_weight must be"),
+        ("{stages: [{epochs: 1, learning_rate: 1}], shares: 2}", "shares must be a mapping"),
+        ("{stages: [{epochs: 1, learning_rate: 1}], shares: {nyu: most}}", "nyu must be a number"),
+        ("{stages: [{epochs: 1, learning_rate: 1}], shares: {nyu: .nan}}", "nyu must be a number"),
+        ("{stages: [{epochs: 1, learning_rate: 1}], portrait_shares: {nyu: 0}}", "not all be 0"),
     ],
 )
 def test_a_wrong_recipe_is_named(tmp_path: Path, text: str, message: str) -> None:

@@ -102,6 +102,10 @@ class Sampler:
 
     def _normalised(self, shares: Mapping[str, float] | None) -> np.ndarray:
         weights = np.array([dict(shares or {}).get(name, 1.0) for name in self._pools], float)
+        if not weights.any():
+            raise UserError(
+                f"the recipe's shares leave nothing of the pictures given: {', '.join(self._pools)}"
+            )
         return np.asarray(weights / weights.sum())
 
     def draw(self, step: int) -> list[tuple[Sample, Target]]:

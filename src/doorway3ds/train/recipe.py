@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from importlib.resources import files
@@ -62,6 +63,22 @@ def _build(kind: type[Config], values: Any, where: str) -> Config:
     return kind(**values)
 
 
+def _number(where: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value < math.inf:
+        raise UserError(f"{where} must be a number from 0 on, got {value!r}")
+    return value
+
+
+def _shares(where: str, values: Any) -> dict[str, float]:
+    """Share by source; all 0 would leave nothing to draw from."""
+    if not isinstance(values, Mapping):
+        raise UserError(f"{where} must be a mapping of sources to numbers, got {values!r}")
+    shares = {str(source): _number(f"{where}, {source}", v) for source, v in values.items()}
+    if shares and not any(shares.values()):
+        raise UserError(f"{where} must not all be 0")
+    return shares
+
+
 def read_recipe(path: Path | None = None) -> Recipe:
     """The recipe in `path`, or the packaged one.
 
@@ -93,11 +110,12 @@ def read_recipe(path: Path | None = None) -> Recipe:
         "pseudo": _build(Pseudo, values.pop("pseudo", {}), f"{name}, pseudo"),
         "compose": _build(ComposeConfig, values.pop("compose", {}), f"{name}, compose"),
     }
-    numbers = {
-        key: values.pop(key, getattr(Recipe, key)) for key in ("same_place", "closed_weight")
-    }
-    for key, value in numbers.items():
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or value < 0:
-            raise UserError(f"{name}: {key} must be a number from 0 on, got {value!r}")
+    same_place, closed_weight = (
+        _number(f"{name}: {key}", values.pop(key, getattr(Recipe, key)))
+        for key in ("same_place", "closed_weight")
+    )
+    for key in ("shares", "portrait_shares"):
+        if key in values:
+            values[key] = _shares(f"{name}: {key}", values[key])
     fit = _build(FitConfig, {**values, "stages": tuple(stages)}, name)
-    return Recipe(fit=fit, text=text, **numbers, **parts)
+    return Recipe(fit=fit, text=text, same_place=same_place, closed_weight=closed_weight, **parts)
