@@ -191,6 +191,38 @@ def test_places_are_found_by_likeness() -> None:
     assert len(set(places)) == 4
 
 
+def test_what_was_learned_is_blended_with_what_it_began_with(
+    rendered: Path,
+    teachers: Path,
+    recipe: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    from doorway3ds.train.doornet import build_doornet
+    from doorway3ds.train.recipe import read_recipe
+    from doorway3ds.train.run import Teachers, load_weights
+
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert train(rendered, teachers, recipe, first) == 0
+    recipe.write_text(RECIPE.replace("seed: 2", "seed: 5") + "init_share: 0.25\n")
+    init = first / "stage-1.weights.h5"
+    assert train(rendered, teachers, recipe, second, "--init", str(init)) == 0
+
+    found = Teachers.in_folder(teachers)
+    net = build_doornet(found.semantic, found.depth, read_recipe(recipe).network)
+    held = []
+    for path in (init, second / "stage-1.weights.h5", second / "blend.weights.h5"):
+        load_weights(net, path)
+        held.append([weight.value.detach().numpy().copy() for weight in net.whole.weights])
+    assert any(not np.allclose(a, b, atol=1e-4) for a, b, _ in zip(*held, strict=True))
+    for began, learned, kept in zip(*held, strict=True):
+        assert np.allclose(kept, 0.25 * began + 0.75 * learned, atol=1e-5)
+
+    capsys.readouterr()
+    assert train(rendered, teachers, recipe, tmp_path / "third") == 1
+    assert "give --init FILE" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -200,6 +232,7 @@ def test_places_are_found_by_likeness() -> None:
         ("stages: [{epochs: 1, learning_rate: fast}]", "learning_rate must be a number"),
         ("{stages: [{epochs: 1, learning_rate: 1}], same_place: near}", "same_place must be a n"),
         ("{stages: [{epochs: 1, learning_rate: 1}], closed_weight: -1}", "closed_weight must be"),
+        ("{stages: [{epochs: 1, learning_rate: 1}], init_share: 1.5}", "a share from 0 to 1"),
         ("{stages: [{epochs: 1, learning_rate: 1}], shares: 2}", "shares must be a mapping"),
         ("{stages: [{epochs: 1, learning_rate: 1}], shares: {nyu: most}}", "nyu must be a number"),
         ("{stages: [{epochs: 1, learning_rate: 1}], shares: {nyu: .nan}}", "nyu must be a number"),

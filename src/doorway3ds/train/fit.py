@@ -261,7 +261,7 @@ def fit(
         epochs += stage.epochs
         path = folder / f"{stem}.weights.h5"
         if team.leads and (loop.learned or not path.is_file()):
-            _save(net, path)
+            save_weights(net, path)
     return history
 
 
@@ -301,7 +301,8 @@ def _losses(
     return {"loss": sum(found.values()), **found}
 
 
-def _save(net: DoorNet, path: Path) -> None:
+def save_weights(net: DoorNet, path: Path) -> None:
+    """The whole network's weights, whole or not at all; UserError where they cannot be written."""
     partial = path.with_name(f"part-{path.name}")
     try:
         net.whole.save_weights(partial)

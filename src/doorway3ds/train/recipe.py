@@ -33,6 +33,7 @@ class Recipe:
 
     same_place: cosine of ImageNet features from which on two door photographs show one place.
     closed_weight: of a photograph that a closed door fills, among those of one.
+    init_share: of the weights that the training began with (`--init`) in those that it keeps.
     """
 
     fit: FitConfig
@@ -43,6 +44,7 @@ class Recipe:
     compose: ComposeConfig = field(default_factory=ComposeConfig)
     same_place: float = 0.55
     closed_weight: float = 1.0
+    init_share: float = 0.0
     text: str = ""
 
 
@@ -110,12 +112,21 @@ def read_recipe(path: Path | None = None) -> Recipe:
         "pseudo": _build(Pseudo, values.pop("pseudo", {}), f"{name}, pseudo"),
         "compose": _build(ComposeConfig, values.pop("compose", {}), f"{name}, compose"),
     }
-    same_place, closed_weight = (
-        _number(f"{name}: {key}", values.pop(key, getattr(Recipe, key)))
-        for key in ("same_place", "closed_weight")
+    numbers = ("same_place", "closed_weight", "init_share")
+    same_place, closed_weight, init_share = (
+        _number(f"{name}: {key}", values.pop(key, getattr(Recipe, key))) for key in numbers
     )
+    if init_share > 1:
+        raise UserError(f"{name}: init_share must be a share from 0 to 1, got {init_share:g}")
     for key in ("shares", "portrait_shares"):
         if key in values:
             values[key] = _shares(f"{name}: {key}", values[key])
     fit = _build(FitConfig, {**values, "stages": tuple(stages)}, name)
-    return Recipe(fit=fit, text=text, same_place=same_place, closed_weight=closed_weight, **parts)
+    return Recipe(
+        fit=fit,
+        text=text,
+        same_place=same_place,
+        closed_weight=closed_weight,
+        init_share=init_share,
+        **parts,
+    )

@@ -25,7 +25,7 @@ from doorway3ds.train.doornet import DoorNet, build_doornet
 from doorway3ds.train.doorreport import write_report
 from doorway3ds.train.engine import ALONE, Team, wants_half
 from doorway3ds.train.export import Calibration, export_onnx
-from doorway3ds.train.fit import collate, fit, plain_shape
+from doorway3ds.train.fit import collate, fit, plain_shape, save_weights
 from doorway3ds.train.loop import Watcher
 from doorway3ds.train.marks import apply_marks, read_marks
 from doorway3ds.train.recipe import Recipe
@@ -199,6 +199,8 @@ def train_doornet(
             "stopping early needs places that are not trained on: give --hold-out K/N, or leave "
             "--patience and the recipe's patience out"
         )
+    if recipe.init_share and init is None:
+        raise UserError("the recipe's init_share needs weights to start from: give --init FILE")
     samples = read_all(folders, teachers, recipe)
     if marks is not None:
         samples = apply_marks(samples, read_marks(marks))
@@ -224,6 +226,9 @@ def train_doornet(
     )
     if not team.leads:
         return {}
+    if init is not None and recipe.init_share:
+        blend(net, init, recipe.init_share)
+        save_weights(net, out / "blend.weights.h5")
     found, measured = Calibration(), dict[str, Any]()
     path = out / "doornet.onnx"
     if held:
@@ -289,6 +294,18 @@ def load_weights(net: DoorNet, path: Path) -> None:
         # Keras raises whatever h5py or its own shape checks raise
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise UserError(f"{path} holds no weights of this network: {reason}") from error
+
+
+def blend(net: DoorNet, first: Path, share: float) -> None:
+    """Moves the network's weights towards those in `first`: by 0 not at all, by 1 all the way.
+
+    What a training learned and what it began with err in different places, and their mean keeps
+    most of both (Wortsman et al., "Robust fine-tuning of zero-shot models", CVPR 2022).
+    """
+    learned = [weight.value.detach().clone() for weight in net.whole.weights]
+    load_weights(net, first)
+    for weight, value in zip(net.whole.weights, learned, strict=True):
+        weight.assign(value.lerp(weight.value.detach(), share))
 
 
 def read_calibration(path: Path) -> tuple[Calibration, dict[str, Any]]:
