@@ -236,7 +236,7 @@ def test_what_was_learned_is_blended_with_what_it_began_with(
         ("{stages: [{epochs: 1, learning_rate: 1}], shares: 2}", "shares must be a mapping"),
         ("{stages: [{epochs: 1, learning_rate: 1}], shares: {nyu: most}}", "nyu must be a number"),
         ("{stages: [{epochs: 1, learning_rate: 1}], shares: {nyu: .nan}}", "nyu must be a number"),
-        ("{stages: [{epochs: 1, learning_rate: 1}], portrait_shares: {nyu: 0}}", "not all be 0"),
+        ("{stages: [{epochs: 1, learning_rate: 1}], portrait_shares: {nyu: -1}}", "nyu must be a"),
     ],
 )
 def test_a_wrong_recipe_is_named(tmp_path: Path, text: str, message: str) -> None:

@@ -72,13 +72,10 @@ def _number(where: str, value: Any) -> float:
 
 
 def _shares(where: str, values: Any) -> dict[str, float]:
-    """Share by source; all 0 would leave nothing to draw from."""
+    """Share by source; one that is not named counts 1 (see `fit.Sampler`)."""
     if not isinstance(values, Mapping):
         raise UserError(f"{where} must be a mapping of sources to numbers, got {values!r}")
-    shares = {str(source): _number(f"{where}, {source}", v) for source, v in values.items()}
-    if shares and not any(shares.values()):
-        raise UserError(f"{where} must not all be 0")
-    return shares
+    return {str(source): _number(f"{where}, {source}", share) for source, share in values.items()}
 
 
 def read_recipe(path: Path | None = None) -> Recipe:
