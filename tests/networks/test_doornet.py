@@ -161,3 +161,19 @@ def test_values_that_are_not_finite_are_refused(tmp_path: Path) -> None:
     net = DoorNet(tinynets.doornet(tmp_path / "net.onnx", p_open=float("nan")), threads=1)
     with pytest.raises(UserError, match="not finite in 'p_open'"):
         net(np.zeros((48, 64, 3), np.uint8), camera(64, 48))
+
+
+def test_p_open_is_weighed_by_the_costs_of_its_file(tmp_path: Path, net: DoorNet) -> None:
+    image, lens = np.full((48, 64, 3), 90, np.uint8), camera(64, 48)
+    costs = {"missed": 1.5, "false_near": 4.0, "near_m": 1e6, "far_m": 2e6}  # all is near
+    told = tinynets.METADATA | {"costs": costs}
+    other = DoorNet(tinynets.doornet(tmp_path / "costs.onnx", metadata=told), threads=1)
+    plain, weighed = net(image, lens).p_open, other(image, lens).p_open
+    assert 0.001 < plain < 0.999
+    assert weighed / (1 - weighed) == pytest.approx(plain / (1 - plain) / 4)
+
+
+def test_costs_that_do_not_exist_are_named(tmp_path: Path) -> None:
+    told = tinynets.METADATA | {"costs": {"bumped": 2.0}}
+    with pytest.raises(UserError, match="no limit 'bumped'"):
+        DoorNet(tinynets.doornet(tmp_path / "costs.onnx", metadata=told), threads=1)

@@ -43,6 +43,16 @@ def test_a_half_open_door_stays_half_open(tmp_path: Path) -> None:
     assert found.spans == (Span(9.5, 19.5, clear=0),)
 
 
+def test_an_open_door_that_is_boxed_as_closed_is_open(tmp_path: Path) -> None:
+    closed = sample("a.jpg", 0)
+    closed.extra["leaf"] = (0.1, 0.1, 0.9, 0.9)
+    marks = read_marks(write(tmp_path, "a.jpg,1,0.1,0.2,,3,0,door\n"))
+    (found,) = apply_marks([closed], marks)
+    assert (found.open, found.spans) == (1, (Span(9.5, 19.5, clear=None),))
+    assert "leaf" not in found.extra  # its box is no closed leaf to build into other walls
+    assert closed.extra["leaf"]
+
+
 def test_an_open_closet_is_left_out(tmp_path: Path) -> None:
     marks = read_marks(write(tmp_path, "a.jpg,0,,,,3,0,closet\n"))
     (found,) = apply_marks([sample("a.jpg")], marks)

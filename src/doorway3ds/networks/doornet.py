@@ -11,7 +11,8 @@ h and w open multiples of 32, and gives
   network's input; another camera's are longer in proportion to its focal length;
 - "floor" (1, h', w'): logit that the pixel shows floor.
 Metadata: `canonical_f_px`, `depth_error` (relative standard deviation), and if it has them
-`thresholds`, limits of the `opening` method chosen with this network.
+`thresholds`, limits of the `opening` method chosen with this network, and `costs` (see
+`doorway3ds.costs`), by which its p_open is weighed.
 """
 
 from __future__ import annotations
@@ -29,8 +30,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera import Camera
+from doorway3ds.costs import Costs, weigh
 from doorway3ds.networks.base import COLUMNS, DEPTH, FLOOR, P_OPEN
 from doorway3ds.networks.session import Session
+from doorway3ds.params import override
 from doorway3ds.types import ColumnVotes, Perception
 
 PIXELS = 192 * 256
@@ -120,6 +123,7 @@ class DoorNet:
         )
         self.metadata = self._read_metadata()
         self.thresholds: Mapping[str, Any] = self.metadata.get("thresholds") or {}
+        self._costs = override(Costs(), self.metadata.get("costs") or {})
         self._canonical_f_px = float(self.metadata["canonical_f_px"])
         self._depth_error = float(self.metadata["depth_error"])
 
@@ -144,10 +148,11 @@ class DoorNet:
         # Depth is as far as the focal length is long, both in pixels of this input.
         focal = camera.fx * at.content_width / width
         depth = self._map(answer, "depth", at) * np.float32(focal / self._canonical_f_px)
+        depth = np.where(depth > 0, depth, np.float32(np.nan))
         return Perception(
-            p_open=float(_sigmoid(answer["p_open"].reshape(-1)[0])),
+            p_open=weigh(float(_sigmoid(answer["p_open"].reshape(-1)[0])), depth, self._costs),
             columns=self._columns(answer, at, width),
-            depth_m=np.where(depth > 0, depth, np.float32(np.nan)),
+            depth_m=depth,
             floor=_sigmoid(self._map(answer, "floor", at)),
             depth_error=self._depth_error,
             network=self.name,

@@ -86,7 +86,10 @@ def apply_marks(samples: Sequence[Sample], marks: Mapping[str, Mark]) -> list[Sa
             Span(left * width - 0.5, right * width - 0.5, clear=clear)
             for left, right, clear in mark.spans
         )
-        return replace(sample, spans=spans, weight=mark.weight)
+        is_open, extra = sample.open, sample.extra
+        if is_open == 0 and spans:
+            is_open, extra = 1, {key: value for key, value in extra.items() if key != "leaf"}
+        return replace(sample, open=is_open, spans=spans, weight=mark.weight, extra=extra)
 
     if not any(sample.name in marks for sample in samples):
         raise UserError(f"none of the {len(marks)} marked pictures is in the data sets")

@@ -9,6 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
 
+from doorway3ds.costs import Costs
 from doorway3ds.errors import UserError
 from doorway3ds.train.augment import AugmentConfig
 from doorway3ds.train.compose import ComposeConfig
@@ -33,6 +34,7 @@ class Recipe:
 
     same_place: cosine of ImageNet features from which on two door photographs show one place.
     closed_weight: of a photograph that a closed door fills, among those of one.
+    costs: of p_open's errors, told to the runtime by the network's file.
     init_share: of the weights that the training began with (`--init`) in those that it keeps.
     """
 
@@ -44,6 +46,7 @@ class Recipe:
     compose: ComposeConfig = field(default_factory=ComposeConfig)
     same_place: float = 0.55
     closed_weight: float = 1.0
+    costs: Costs = field(default_factory=Costs)
     init_share: float = 0.0
     text: str = ""
 
@@ -109,6 +112,10 @@ def read_recipe(path: Path | None = None) -> Recipe:
         "pseudo": _build(Pseudo, values.pop("pseudo", {}), f"{name}, pseudo"),
         "compose": _build(ComposeConfig, values.pop("compose", {}), f"{name}, compose"),
     }
+    costs = values.pop("costs", {})
+    if isinstance(costs, Mapping):
+        costs = {key: _number(f"{name}: costs, {key}", value) for key, value in costs.items()}
+    parts["costs"] = _build(Costs, costs, f"{name}, costs")
     numbers = ("same_place", "closed_weight", "init_share")
     same_place, closed_weight, init_share = (
         _number(f"{name}: {key}", values.pop(key, getattr(Recipe, key))) for key in numbers

@@ -40,7 +40,7 @@ from doorway3ds.train.samples import (
 from doorway3ds.train.teachers import add_depth, add_segments, describe
 
 # what the network's file says of itself; the card beside it says the rest
-_SHOWN = ("name", "date", "depth_error", "held_out", "pictures", "thresholds")
+_SHOWN = ("name", "date", "depth_error", "held_out", "pictures", "thresholds", "costs")
 # FastDepth's relative error on rooms that it has not seen; those of NYU's training split it has
 _FASTDEPTH_ERROR = 0.16
 # readers of folders with doorways.csv, by layout
@@ -261,6 +261,7 @@ def train_doornet(
         "calibration": asdict(found),
         "depth_error": max(measured.get("depth_error", 0.0), _FASTDEPTH_ERROR),
         "thresholds": measured.get("thresholds", {}),
+        "costs": asdict(recipe.costs),
         "recipe": recipe.text,
     }
     shown = {key: card[key] for key in _SHOWN}

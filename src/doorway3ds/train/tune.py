@@ -40,8 +40,8 @@ GRID: dict[str, tuple[float, ...]] = {
     "sure_score": (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6),
     "clearance.vote_alone": (0.0, 0.5, 0.6, 0.7, 0.8),
     "clearance.vote_blocks": (0.0, 0.2, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65),
-    # never below 0.7: what the depth shows in the way is not argued away lightly
-    "clearance.vote_frees": (0.7, 0.75, 0.8, 0.85, 0.9, 1.1),
+    # never below 0.5: what the depth shows in the way is not argued away by less than a chance
+    "clearance.vote_frees": (0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9, 1.1),
     "clearance.height_gain": (0.15, 0.3, 0.5, 0.8),
     "clearance.group_gain": (0.01, 0.02, 0.05, 0.1),
 }
