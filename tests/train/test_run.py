@@ -31,6 +31,7 @@ stages:
   - {epochs: 1, learning_rate: 0.001}
   - {epochs: 1, learning_rate: 0.0003, thaw: [40, 27]}
 network: {width_16: 8, width_8: 8, width_4: 8, width_columns: 8, attention_heads: 2, dropout: 0.1}
+costs: {missed: 2, false_near: 4, near_m: 0.01, far_m: 0.02}
 """
 
 
@@ -73,6 +74,17 @@ def train(rendered: Path, teachers: Path, recipe: Path, out: Path, *more: str) -
     return run(arguments)
 
 
+def set_costs(path: Path, to: Path, costs: dict[str, float]) -> None:
+    """A copy of an exported network with other costs."""
+    import onnx
+
+    graph = onnx.load(str(path))
+    for entry in graph.metadata_props:
+        if entry.key == "doorway3ds":
+            entry.value = json.dumps({**json.loads(entry.value), "costs": costs})
+    onnx.save(graph, str(to))
+
+
 def test_train_export_and_look(
     rendered: Path, marked: Path, teachers: Path, recipe: Path, tmp_path: Path
 ) -> None:
@@ -88,6 +100,10 @@ def test_train_export_and_look(
     picture = np.random.default_rng(0).integers(0, 255, (240, 320, 3), dtype=np.uint8)
     decision = Pipeline(network)(picture)
     assert 0 <= decision.p_open <= 1
+    # the recipe's costs are in the file, and the runtime weighs by them: nothing is that near
+    set_costs(out / "doornet.onnx", tmp_path / "equal.onnx", {})
+    chance = Pipeline(DoorNet(tmp_path / "equal.onnx"))(picture).p_open
+    assert decision.p_open == pytest.approx(2 * chance / (1 + chance))
     assert decision.perception.depth_m is not None
     assert decision.perception.depth_m.shape == (96, 128)
 
