@@ -38,7 +38,9 @@ class Costs:
 
     def __post_init__(self) -> None:
         values = (self.missed, self.false_near, self.near_m, self.far_m)
-        if not (all(0 < value < math.inf for value in values) and self.near_m < self.far_m):
+        # a file's metadata may hold null
+        above = all(isinstance(value, (int, float)) and 0 < value < math.inf for value in values)
+        if not (above and self.near_m < self.far_m):
             raise UserError(f"costs must be above 0 and near_m below far_m, got {self}")
 
 

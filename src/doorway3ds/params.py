@@ -14,10 +14,12 @@ Params = TypeVar("Params")
 def override(defaults: Params, values: Mapping[str, Any]) -> Params:
     """`defaults` (a frozen dataclass) with the fields in `values` replaced, nested ones too.
 
-    Raises UserError for a name that does not exist or a value that is no number.
+    Raises UserError for what is no object, a name that does not exist or a value that is no number.
     """
     if not is_dataclass(defaults) or isinstance(defaults, type):
         raise TypeError(f"expected a dataclass instance, got {defaults!r}")
+    if not isinstance(values, Mapping):
+        raise UserError(f"{type(defaults).__name__} is an object of limits, got {values!r}")
     known = {field.name: getattr(defaults, field.name) for field in fields(defaults)}
     new: dict[str, Any] = {}
     for name, value in values.items():

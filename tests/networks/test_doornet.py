@@ -173,7 +173,16 @@ def test_p_open_is_weighed_by_the_costs_of_its_file(tmp_path: Path, net: DoorNet
     assert weighed / (1 - weighed) == pytest.approx(plain / (1 - plain) / 4)
 
 
-def test_costs_that_do_not_exist_are_named(tmp_path: Path) -> None:
-    told = tinynets.METADATA | {"costs": {"bumped": 2.0}}
-    with pytest.raises(UserError, match="no limit 'bumped'"):
+@pytest.mark.parametrize(
+    ("costs", "message"),
+    [
+        ({"bumped": 2.0}, "no limit 'bumped'"),
+        ({"missed": None}, "costs must be above 0"),
+        ({"missed": "much"}, "limit 'missed' is a number"),
+        ([1.5, 3.0], "Costs is an object of limits"),
+    ],
+)
+def test_costs_that_make_no_sense_are_named(tmp_path: Path, costs: object, message: str) -> None:
+    told = tinynets.METADATA | {"costs": costs}
+    with pytest.raises(UserError, match=message):
         DoorNet(tinynets.doornet(tmp_path / "costs.onnx", metadata=told), threads=1)
