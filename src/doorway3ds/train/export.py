@@ -62,14 +62,14 @@ def export_onnx(
     )
 
 
-def set_thresholds(path: Path, thresholds: Mapping[str, Any]) -> None:
-    """Writes limits of the `opening` method into an exported file's metadata."""
+def set_metadata(path: Path, told: Mapping[str, Any]) -> None:
+    """Writes into an exported file's metadata, over what it says of the same keys."""
     import onnx
 
     graph = onnx.load(str(path))
     for entry in graph.metadata_props:
         if entry.key == "doorway3ds":
-            values = {**json.loads(entry.value), "thresholds": thresholds}
+            values = {**json.loads(entry.value), **told}
             entry.value = json.dumps(values, sort_keys=True)
     write_bytes(path, graph.SerializeToString())
 

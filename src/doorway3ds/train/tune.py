@@ -31,7 +31,7 @@ from doorway3ds.networks.doornet import DoorNet
 from doorway3ds.networks.session import digest
 from doorway3ds.opening import OpeningParams, select_opening
 from doorway3ds.params import override
-from doorway3ds.train.export import set_thresholds
+from doorway3ds.train.export import set_metadata
 from doorway3ds.train.run import read_calibration
 from doorway3ds.types import Frame, Perception
 
@@ -149,7 +149,7 @@ def tune_run(
             f"its limits must be chosen on that fold, not on {split}"
         )
     found = nested(tune(Tuning.look(DoorNet(network_file), samples), tell=tell))
-    set_thresholds(network_file, found)
+    set_metadata(network_file, {"thresholds": found})
     card |= {"thresholds": found, "sha256": digest(network_file)}
     write_bytes(card_file, (json.dumps(card, indent=2) + "\n").encode())
     return found
