@@ -9,7 +9,7 @@ from doorway3ds.calibration import Board, calibrate, find_corners
 from doorway3ds.camera import Camera, pixel_to_ray, read_camera_info
 from doorway3ds.cli.main import run
 from doorway3ds.errors import UserError
-from doorway3ds.images import write_image
+from doorway3ds.images.codec import write_image
 
 cv2 = pytest.importorskip("cv2")
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from doorway3ds.camera import Camera, Pose, default_camera
 from doorway3ds.decision import Gates, decide
 from doorway3ds.errors import UserError
-from doorway3ds.images import read_image
+from doorway3ds.images.codec import read_image
 from doorway3ds.networks.base import Joined, Network, thresholds_of
 from doorway3ds.networks.registry import load
 from doorway3ds.opening import OpeningParams, select_opening, way_below

@@ -25,7 +25,7 @@ import numpy as np
 from doorway3ds.camera import Camera, Pose
 from doorway3ds.errors import UserError
 from doorway3ds.files import write_bytes
-from doorway3ds.images import read_image, write_image
+from doorway3ds.images.codec import read_image, write_image
 from doorway3ds.types import ColumnVotes, Decision, Frame, Perception, Selection
 
 LOG = "run.jsonl"

@@ -10,7 +10,7 @@ import pytest
 
 from doorway3ds import benchmark
 from doorway3ds.errors import UserError
-from doorway3ds.images import read_image
+from doorway3ds.images.codec import read_image
 from tests import tinynets
 from tests.conftest import Cli
 

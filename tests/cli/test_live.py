@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from doorway3ds.cli._film import Film
 from doorway3ds.cli._panel import Panel
 from doorway3ds.errors import UserError
+from doorway3ds.images.film import Film
 from doorway3ds.runlog import looks, read_log
 from doorway3ds.sources import LiveSource, open_source
 from tests.conftest import Cli

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from doorway3ds.camera import Camera, write_camera_info
-from doorway3ds.images import read_image
+from doorway3ds.images.codec import read_image
 from tests import tinynets
 from tests.conftest import Cli
 from tests.pictures import encode, scene

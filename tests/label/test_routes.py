@@ -9,7 +9,7 @@ import pytest
 
 from doorway3ds.evaluate import datasets
 from doorway3ds.evaluate.readers import read_dataset
-from doorway3ds.images import read_image
+from doorway3ds.images.codec import read_image
 from tests.label.conftest import Desk
 from tests.pictures import encode, scene
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from doorway3ds import __version__
-from doorway3ds.images import read_image
+from doorway3ds.images.codec import read_image
 from tests.conftest import Cli
 from tests.pictures import encode
 from tests.server.conftest import Serve, Served

@@ -11,7 +11,7 @@ import httpx
 import numpy as np
 import pytest
 
-from doorway3ds.images import read_image
+from doorway3ds.images.codec import read_image
 from doorway3ds.sources.base import Source, SourceLost, View
 from doorway3ds.types import Frame
 from tests.pictures import scene

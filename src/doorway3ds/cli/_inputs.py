@@ -21,7 +21,7 @@ class Input:
         """What `read_image` takes. Raises UserError where standard input is a terminal."""
         if self.name != "-":
             return Path(self.name)
-        from doorway3ds.images import MAX_BYTES
+        from doorway3ds.images.codec import MAX_BYTES
 
         if sys.stdin is None or sys.stdin.isatty():
             raise UserError("- means standard input, but no image is piped in: 3ds look - < IMAGE")
@@ -48,7 +48,7 @@ def expand(names: Iterable[str]) -> tuple[list[Input], list[str]]:
 
 
 def _images_in(folder: Path) -> Iterator[str]:
-    from doorway3ds.images import SUFFIXES
+    from doorway3ds.images.codec import SUFFIXES
 
     for path in sorted(folder.iterdir()):
         if path.suffix.lower() in SUFFIXES and not path.name.startswith("."):

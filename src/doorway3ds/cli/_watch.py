@@ -14,8 +14,8 @@ from doorway3ds.feed import Feed
 from doorway3ds.types import Decision, Frame, Perception, Reason
 
 if TYPE_CHECKING:
-    from doorway3ds.cli._film import Film
     from doorway3ds.cli._panel import Panel
+    from doorway3ds.images.film import Film
     from doorway3ds.pipeline import Pipeline
     from doorway3ds.runlog import RunLog
     from doorway3ds.sources import Source

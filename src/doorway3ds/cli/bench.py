@@ -56,7 +56,7 @@ def bench(
 
     from doorway3ds import benchmark
     from doorway3ds.files import write_bytes
-    from doorway3ds.images import read_image
+    from doorway3ds.images.codec import read_image
 
     source = benchmark.made_up_jpeg() if image is None else image
     height, width = read_image(source).image.shape[:2]

@@ -87,7 +87,7 @@ def calibrate(
 
 
 def _pictures(inputs: list[Any]) -> Iterator[tuple[str, Any]]:
-    from doorway3ds.images import read_image
+    from doorway3ds.images.codec import read_image
 
     for item in inputs:
         yield item.name, read_image(item.read(), name=item.name).image

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from doorway3ds.cli._camera import CameraOptions, require_range
-from doorway3ds.cli._film import Film, require_film
 from doorway3ds.cli._options import (
     Camera,
     FovDeg,
@@ -38,6 +37,7 @@ from doorway3ds.cli._robot import (
 from doorway3ds.cli._signals import ended_by_sigterm
 from doorway3ds.cli._watch import Watch, counts, print_json
 from doorway3ds.errors import CallError, UserError
+from doorway3ds.images.film import Film, require_film
 
 if TYPE_CHECKING:
     from doorway3ds.cli._camera import CameraChoice

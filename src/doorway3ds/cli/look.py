@@ -120,7 +120,7 @@ class _Job:
 
     def decide(self, image: Input) -> tuple[Decision, str]:
         """The decision and the line that says it."""
-        from doorway3ds.images import read_image
+        from doorway3ds.images.codec import read_image
         from doorway3ds.types import Frame
 
         source = image.read()
@@ -143,7 +143,7 @@ class _Job:
         """The annotated picture and the depth map, where they are asked for."""
         if self.out is not None:
             from doorway3ds.draw import annotate
-            from doorway3ds.images import write_image
+            from doorway3ds.images.codec import write_image
 
             # Another name than the input's: --out may be the folder that holds the photographs.
             write_image(self.out / f"{image.stem}_3ds.jpg", annotate(decision))

@@ -27,7 +27,7 @@ from doorway3ds.camera import (
 )
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.evaluate.direction import PictureTruth, TruthOpening
-from doorway3ds.images import read_image
+from doorway3ds.images.codec import read_image
 from doorway3ds.types import Frame
 
 # What is easily taken for an open doorway, and the NYU40 ids minus 1 that count as it.

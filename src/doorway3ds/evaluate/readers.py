@@ -25,8 +25,8 @@ from doorway3ds.camera import Camera, Pose, default_camera, read_camera_info
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.evaluate.csvfile import csv_columns, csv_rows, flag, number
 from doorway3ds.evaluate.datasets import Dataset, FitCamera, Marked, Sample
-from doorway3ds.imageheader import HeaderError, read_header
-from doorway3ds.images import SUFFIXES
+from doorway3ds.images.codec import SUFFIXES
+from doorway3ds.images.header import HeaderError, read_header
 
 LAYOUTS = ("nyu", "rendered", "plain", "boxes", "folders")
 

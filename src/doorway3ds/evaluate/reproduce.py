@@ -16,7 +16,7 @@ from doorway3ds.evaluate.intervals import wilson
 from doorway3ds.evaluate.metrics import Confusion, confusion
 from doorway3ds.evaluate.readers import read_dataset
 from doorway3ds.evaluate.report import Table, cell
-from doorway3ds.images import SUFFIXES
+from doorway3ds.images.codec import SUFFIXES
 from doorway3ds.paper import COLUMNS, FREE_BELOW_ROW, ROWS, UNIT_M, pixel_to_angle
 from doorway3ds.types import Decision, Frame
 

@@ -6,7 +6,7 @@ from typing import cast
 
 from fastapi import Request
 
-from doorway3ds.images import MAX_PIXELS
+from doorway3ds.images.codec import MAX_PIXELS
 from doorway3ds.label.pictures import Pictures
 from doorway3ds.label.table import Table
 from doorway3ds.server.app import assemble

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from doorway3ds.evaluate.datasets import FitCamera
-from doorway3ds.images import Picture
+from doorway3ds.images.codec import Picture
 from doorway3ds.label.marks import MarkedOpening, Marks
 from doorway3ds.label.pictures import Guess, Guesser
 from doorway3ds.pipeline import Pipeline

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.errors import UserError
-from doorway3ds.images import SUFFIXES, Picture, read_image
+from doorway3ds.images.codec import SUFFIXES, Picture, read_image
 from doorway3ds.label.marks import Marks
 from doorway3ds.server.live import encode_jpeg
 

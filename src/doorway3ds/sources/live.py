@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 
 from doorway3ds.errors import UserError
-from doorway3ds.images import read_image
+from doorway3ds.images.codec import read_image
 from doorway3ds.sources.base import Capture, Shot, Source, SourceLost, View
 from doorway3ds.types import Frame
 

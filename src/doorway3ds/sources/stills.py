@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from doorway3ds.errors import UserError
-from doorway3ds.images import SUFFIXES, read_image
+from doorway3ds.images.codec import SUFFIXES, read_image
 from doorway3ds.sources.base import Source, View
 from doorway3ds.sources.clock import Clock
 from doorway3ds.sources.splitter import Splitter

@@ -82,7 +82,7 @@ def _by_scheme(scheme: str, uri: str, view: View, options: dict[str, Any]) -> So
 
 
 def _by_path(name: str, view: View, options: dict[str, Any]) -> Source:
-    from doorway3ds.images import SUFFIXES
+    from doorway3ds.images.codec import SUFFIXES
     from doorway3ds.sources.stills import Stills, images_in
 
     still = _only(options, "pace", "loop", "fps")

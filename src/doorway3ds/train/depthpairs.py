@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.evaluate.datasets import Sample, load_depth, load_frame
 from doorway3ds.evaluate.readers import read_dataset
-from doorway3ds.images import SUFFIXES
+from doorway3ds.images.codec import SUFFIXES
 from doorway3ds.train import groups
 from doorway3ds.train.densedepth import Setting
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from doorway3ds.errors import UserError
 from doorway3ds.files import write_bytes
-from doorway3ds.imageheader import Header, HeaderError, read_header
+from doorway3ds.images.header import Header, HeaderError, read_header
 
 MAX_PIXELS = 120_000_000  # the largest phone sensors in use give 108 million
 MAX_BYTES = 512 * 1024 * 1024

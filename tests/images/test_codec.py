@@ -17,7 +17,7 @@ from hypothesis.extra.numpy import arrays
 from PIL import Image
 
 from doorway3ds.errors import UserError
-from doorway3ds.images import read_image, write_image
+from doorway3ds.images.codec import read_image, write_image
 from tests.pictures import FORMATS, encode, scene
 
 RED, BLUE = (230, 20, 20), (20, 20, 230)
@@ -194,7 +194,7 @@ def test_bombs_are_refused_by_their_header(kind: str, monkeypatch: pytest.Monkey
     def decoder(*_: object) -> None:
         raise AssertionError("the decoder was reached")
 
-    monkeypatch.setattr("doorway3ds.images.cv2.imdecode", decoder)
+    monkeypatch.setattr("doorway3ds.images.codec.cv2.imdecode", decoder)
     refused(_sized(kind, 16000, 16000), "is too large: 16000x16000 pixels, at most 120 million")
 
 

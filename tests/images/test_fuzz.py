@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from doorway3ds.errors import UserError
-from doorway3ds.images import read_image
+from doorway3ds.images.codec import read_image
 from tests.conftest import Cli
 from tests.pictures import encode, scene
 
