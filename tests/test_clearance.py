@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from doorway3ds.camera import PRESETS, Pose, preset
+from doorway3ds.camera.model import Pose
+from doorway3ds.camera.presets import PRESETS, preset
 from doorway3ds.clearance import ClearanceParams, label_groups, look_down, sweep
 from doorway3ds.decision import Gates, decide
 from doorway3ds.floor import build_scene

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from doorway3ds.camera import Camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.decision import Gates, decide
 from doorway3ds.types import Frame, Opening, Perception, Reason, Selection
 

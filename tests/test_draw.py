@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from doorway3ds.camera import Camera, Pose, bearing_of_pixel
+from doorway3ds.camera.model import Camera, Pose, bearing_of_pixel
 from doorway3ds.draw import annotate, overlay
 from doorway3ds.draw.canvas import AZURE, GREEN, VERMILLION, View
 from doorway3ds.draw.panels import STATUS, depth_colors, depth_limit, draw_dial, draw_scale

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from doorway3ds.camera import Camera, Pose
+from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.networks.registry import MODELS
 from doorway3ds.pipeline import Pipeline
 

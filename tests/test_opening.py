@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from doorway3ds.camera import Camera, Pose, preset
+from doorway3ds.camera.model import Camera, Pose
+from doorway3ds.camera.presets import preset
 from doorway3ds.decision import decide
 from doorway3ds.errors import UserError
 from doorway3ds.opening import (

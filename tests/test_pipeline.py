@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Camera, Pose
+from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.decision import Gates
 from doorway3ds.errors import UserError
 from doorway3ds.networks.doornet import DoorNet

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from doorway3ds.camera import Camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.filters import Belief, Smoothed
 from doorway3ds.tracker import Tracked, Tracker
 from doorway3ds.types import Decision, Frame, Opening, Perception, Reason, Selection

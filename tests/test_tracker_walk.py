@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from doorway3ds.camera import preset
+from doorway3ds.camera.presets import preset
 from doorway3ds.decision import decide
 from doorway3ds.opening import columns_from_spans, select_opening
 from doorway3ds.tracker import Tracker

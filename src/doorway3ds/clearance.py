@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Array, Camera, ray_to_pixel
+from doorway3ds.camera.model import Array, Camera, ray_to_pixel
 from doorway3ds.floor import FloorPlane, Mask, Scene
 
 

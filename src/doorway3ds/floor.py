@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Array, Pose, grid_pixels, grid_rays, rotation
+from doorway3ds.camera.model import Array, Pose, grid_pixels, grid_rays, rotation
 from doorway3ds.types import Frame, Perception
 
 Mask = NDArray[np.bool_]

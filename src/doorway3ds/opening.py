@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from doorway3ds.camera import bearing_of_pixel, pixel_to_ray
+from doorway3ds.camera.model import bearing_of_pixel, pixel_to_ray
 from doorway3ds.clearance import Clearance, ClearanceParams, look_down, sweep
 from doorway3ds.floor import FloorParams, Scene, build_scene
 from doorway3ds.threshold import ThresholdParams, Walls, locate_threshold, see_walls

@@ -10,7 +10,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Camera, Pose, default_camera
+from doorway3ds.camera.choice import default_camera
+from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.decision import Gates, decide
 from doorway3ds.errors import UserError
 from doorway3ds.images.codec import read_image

@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from doorway3ds.camera import Array, grid_pixels, grid_rays, rotation
+from doorway3ds.camera.model import Array, grid_pixels, grid_rays, rotation
 from doorway3ds.errors import UserError
 from doorway3ds.floor import FloorParams, floor_mask
 from doorway3ds.types import Frame, Perception

@@ -22,7 +22,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from doorway3ds.camera import Camera, Pose
+from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.errors import UserError
 from doorway3ds.files import write_bytes
 from doorway3ds.images.codec import read_image, write_image

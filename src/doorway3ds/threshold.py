@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from doorway3ds.camera import Array
+from doorway3ds.camera.model import Array
 from doorway3ds.floor import Mask, Scene
 
 

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from doorway3ds.camera import Camera, write_camera_info
+from doorway3ds.camera.info import write_camera_info
+from doorway3ds.camera.model import Camera
 from doorway3ds.images.codec import read_image
 from tests import tinynets
 from tests.conftest import Cli

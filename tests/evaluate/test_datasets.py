@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from doorway3ds.camera import Camera, Pose, write_camera_info
+from doorway3ds.camera.info import write_camera_info
+from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.errors import UserError
 from doorway3ds.evaluate import datasets, readers
 from doorway3ds.evaluate.readers import read_dataset

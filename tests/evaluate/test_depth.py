@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from doorway3ds.camera import Camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.errors import UserError
 from doorway3ds.evaluate import depth
 from doorway3ds.evaluate.runners import predicted_depth

@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pytest
 
-from doorway3ds.camera import Camera, Pose, bearing_of_pixel
+from doorway3ds.camera.model import Camera, Pose, bearing_of_pixel
 from doorway3ds.evaluate import direction, kinds
 from doorway3ds.evaluate.direction import DirectionRecord, PictureTruth, TruthOpening
 from doorway3ds.evaluate.kinds import ANY, NONE

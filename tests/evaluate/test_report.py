@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from doorway3ds.camera import Camera, Pose
+from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.evaluate import datasets, pages, plots, sheets
 from doorway3ds.evaluate.direction import (
     DirectionRecord,

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from doorway3ds.camera import Camera, default_camera
+from doorway3ds.camera.choice import default_camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.errors import UserError
 from doorway3ds.evaluate import printed
 from doorway3ds.evaluate.reproduce import (

@@ -13,7 +13,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from doorway3ds.camera import Camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.networks import load
 from doorway3ds.networks.depthfile import DepthFile

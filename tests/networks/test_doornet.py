@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from doorway3ds.camera import Camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.errors import UserError
 from doorway3ds.networks.doornet import DoorNet, place, prepare
 from tests import tinynets

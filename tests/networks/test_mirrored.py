@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.networks.base import COLUMNS, DEPTH, FLOOR, P_OPEN
 from doorway3ds.networks.mirrored import Mirrored
 from doorway3ds.types import ColumnVotes, Perception, RelativeDepth

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from doorway3ds.camera import Camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.errors import UserError
 from doorway3ds.networks import Joined
 from doorway3ds.networks.cnn_srin import CnnSrin

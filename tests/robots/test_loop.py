@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from doorway3ds.camera import Camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.errors import UserError
 from doorway3ds.loop import Loop, LoopParams, Outcome
 from doorway3ds.robots import Driver, DryRobot, Limits, RobotLost, TurnEnd, TurnResult

@@ -9,7 +9,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from doorway3ds.camera import Camera, write_camera_info
+from doorway3ds.camera.info import write_camera_info
+from doorway3ds.camera.model import Camera
 from doorway3ds.networks import load
 from doorway3ds.pipeline import Pipeline
 from tests import tinynets

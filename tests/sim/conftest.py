@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from doorway3ds.camera import Camera, Pose
+from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.errors import UserError
 from doorway3ds.sim.furnish import Furnished
 from doorway3ds.sim.homes import Home, Portal, Room

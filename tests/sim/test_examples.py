@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from doorway3ds.camera import Camera, Pose
+from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.decision import decide
 from doorway3ds.opening import columns_from_spans, select_opening
 from doorway3ds.types import Frame, Perception

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from doorway3ds.camera import grid_rays
+from doorway3ds.camera.model import grid_rays
 from doorway3ds.sim import sensor, views
 from tests.sim.conftest import camera
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from doorway3ds.camera import Camera, bearing_of_pixel, grid_rays, ray_to_pixel
+from doorway3ds.camera.model import Camera, bearing_of_pixel, grid_rays, ray_to_pixel
 from doorway3ds.decision import decide
 from doorway3ds.opening import select_opening
 from doorway3ds.sim.clutter import carton, person

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Pose
+from doorway3ds.camera.model import Pose
 from doorway3ds.errors import UserError
 from doorway3ds.sources import LiveSource, Shot, SourceLost, View, open_source
 from doorway3ds.sources import live as live_module

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from doorway3ds.camera import Camera, Pose
+from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.sources import open_source
 from tests.pictures import encode, scene

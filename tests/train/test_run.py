@@ -16,7 +16,8 @@ pytest.importorskip("torch")
 os.environ["KERAS_BACKEND"] = "torch"  # before Keras is first imported
 pytest.importorskip("keras")
 
-from doorway3ds.camera import Camera, write_camera_info
+from doorway3ds.camera.info import write_camera_info
+from doorway3ds.camera.model import Camera
 from doorway3ds.cli.main import run
 from doorway3ds.errors import UserError
 from doorway3ds.networks.doornet import DoorNet

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from doorway3ds.errors import CallError, UserError
 
 if TYPE_CHECKING:
-    from doorway3ds.camera import Camera, Pose
+    from doorway3ds.camera.model import Camera, Pose
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,9 @@ class CameraOptions:
         Raises CallError for options that contradict each other, are out of range, or name no
         camera.
         """
-        from doorway3ds.camera import PRESETS, Pose, read_camera_info
+        from doorway3ds.camera.info import read_camera_info
+        from doorway3ds.camera.model import Pose
+        from doorway3ds.camera.presets import PRESETS
 
         require_range("--fov-deg", self.fov_deg, 1, 179)
         require_range("--height-m", self.height_m, 0.01, 10)
@@ -69,7 +71,9 @@ class CameraChoice:
 
     def fit(self, width: int, height: int, focal_35mm: float | None) -> Camera:
         """The camera for a picture; UserError where it has another aspect."""
-        from doorway3ds.camera import Camera, default_camera, preset
+        from doorway3ds.camera.choice import default_camera
+        from doorway3ds.camera.model import Camera
+        from doorway3ds.camera.presets import preset
 
         if self.file is not None:
             return self.file.scaled_to(width, height)

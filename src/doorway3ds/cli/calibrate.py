@@ -41,9 +41,9 @@ def calibrate(
     Ten to twenty sharp pictures of a flat board, tilted, at several distances, also near the
     picture's corners. `3ds look --camera camera.yaml` then uses the file.
     """
-    from doorway3ds.calibration import Board
-    from doorway3ds.calibration import calibrate as run
-    from doorway3ds.camera import write_camera_info
+    from doorway3ds.camera.calibration import Board
+    from doorway3ds.camera.calibration import calibrate as run
+    from doorway3ds.camera.info import write_camera_info
     from doorway3ds.cli._inputs import expand
 
     size = re.fullmatch(r"(\d+)x(\d+)", board)

@@ -254,7 +254,7 @@ def _open(
     options: dict[str, Any],
 ) -> Source:
     """The source; what the user says of the camera outranks what the source knows."""
-    from doorway3ds.camera import Pose
+    from doorway3ds.camera.model import Pose
     from doorway3ds.sources import open_source
 
     return open_source(

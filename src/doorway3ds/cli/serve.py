@@ -125,7 +125,7 @@ def _source(
     """The name of the page's source and how to open it; wrong ones are found here."""
     if uri is None:
         return None
-    from doorway3ds.camera import Pose
+    from doorway3ds.camera.model import Pose
     from doorway3ds.sources import open_source
     from doorway3ds.sources.uri import without_password
 

@@ -68,7 +68,7 @@ def view(
     """Take one picture from a stated place."""
     from dataclasses import replace
 
-    from doorway3ds.camera import preset
+    from doorway3ds.camera.presets import preset
     from doorway3ds.sim.homes import generate
     from doorway3ds.sim.render import Eye
     from doorway3ds.sim.view import photograph, save

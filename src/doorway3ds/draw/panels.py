@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import bearing_of_pixel
+from doorway3ds.camera.model import bearing_of_pixel
 from doorway3ds.draw.canvas import (
     AMBER,
     AZURE,

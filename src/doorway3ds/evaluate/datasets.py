@@ -16,12 +16,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import (
+from doorway3ds.camera.choice import default_camera
+from doorway3ds.camera.model import (
     Camera,
     Pose,
     back_project,
     bearing_of_pixel,
-    default_camera,
     ray_to_pixel,
     rotation,
 )

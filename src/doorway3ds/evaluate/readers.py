@@ -21,7 +21,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from doorway3ds.camera import Camera, Pose, default_camera, read_camera_info
+from doorway3ds.camera.choice import default_camera
+from doorway3ds.camera.info import read_camera_info
+from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.evaluate.csvfile import csv_columns, csv_rows, flag, number
 from doorway3ds.evaluate.datasets import Dataset, FitCamera, Marked, Sample

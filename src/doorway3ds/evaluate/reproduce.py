@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from doorway3ds.camera import pixel_to_ray, preset, rotation
+from doorway3ds.camera.model import pixel_to_ray, rotation
+from doorway3ds.camera.presets import preset
 from doorway3ds.errors import UserError
 from doorway3ds.evaluate import printed
 from doorway3ds.evaluate.classifier import ClassifierMetrics

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.decision import Gates, decide
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.evaluate import depth as depth_scores

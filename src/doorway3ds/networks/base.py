@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.types import Perception
 
 P_OPEN, COLUMNS, DEPTH, FLOOR = "p_open", "columns", "depth", "floor"

@@ -17,7 +17,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.networks.base import DEPTH
 from doorway3ds.networks.cnn_srin import squeeze
 from doorway3ds.networks.session import Session

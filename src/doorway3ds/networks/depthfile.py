@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.errors import UserError
 from doorway3ds.networks.base import DEPTH, RELATIVE
 from doorway3ds.networks.cnn_srin import squeeze

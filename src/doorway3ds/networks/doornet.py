@@ -29,7 +29,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.costs import Costs, weigh
 from doorway3ds.networks.base import COLUMNS, DEPTH, FLOOR, P_OPEN
 from doorway3ds.networks.session import Session

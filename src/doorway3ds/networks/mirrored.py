@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.networks.base import Network, thresholds_of
 from doorway3ds.types import ColumnVotes, Perception, RelativeDepth
 

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Camera, Pose
+from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.errors import UserError
 
 RESOLUTIONS = {"qqvga": 0, "qvga": 1, "vga": 2, "4vga": 3}

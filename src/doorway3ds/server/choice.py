@@ -9,7 +9,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from doorway3ds.camera import PRESETS, Camera, Pose, default_camera, preset
+from doorway3ds.camera.choice import default_camera
+from doorway3ds.camera.model import Camera, Pose
+from doorway3ds.camera.presets import PRESETS, preset
 from doorway3ds.decision import Gates
 from doorway3ds.networks.base import DEPTH, RELATIVE, Joined, Network, together
 from doorway3ds.networks.registry import MODELS, load

@@ -14,7 +14,7 @@ from fastapi import APIRouter, Body, Depends, Query, Request, Response
 from fastapi.responses import StreamingResponse
 
 from doorway3ds import __version__
-from doorway3ds.camera import PRESETS
+from doorway3ds.camera.presets import PRESETS
 from doorway3ds.draw import annotate
 from doorway3ds.images.codec import read_image
 from doorway3ds.pipeline import NEEDS

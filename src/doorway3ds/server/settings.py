@@ -5,7 +5,7 @@ from __future__ import annotations
 import ipaddress
 from dataclasses import dataclass, field
 
-from doorway3ds.camera import Pose
+from doorway3ds.camera.model import Pose
 from doorway3ds.sources.base import CameraFor
 
 LOOPBACK_NAMES = ("localhost", "127.0.0.1", "::1")

@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from doorway3ds.camera import Array, Camera
+from doorway3ds.camera.model import Array, Camera
 
 Rng = np.random.Generator
 

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.sim import homes, sensor, views
 from doorway3ds.sim.plan import Plan
 from doorway3ds.sim.render import Eye, Renderer, open_context

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.files import write_bytes
 from doorway3ds.sim.render import Eye
 from doorway3ds.sim.trial import play

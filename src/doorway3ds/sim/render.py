@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Camera, Pose, rotation
+from doorway3ds.camera.model import Camera, Pose, rotation
 from doorway3ds.errors import UserError
 from doorway3ds.sim.mesh import rotation_z
 from doorway3ds.sim.scene import FAR_M, LAMP_CUTOFF, NEAR_M, Scene

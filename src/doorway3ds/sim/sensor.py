@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Camera, grid_rays, pixel_to_ray
+from doorway3ds.camera.model import Camera, grid_rays, pixel_to_ray
 
 Rng = np.random.Generator
 

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from doorway3ds.camera import Camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.decision import decide
 from doorway3ds.follow import follow
 from doorway3ds.loop import Loop, LoopParams, Outcome

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Camera, grid_rays, pixel_to_ray, rotation
+from doorway3ds.camera.model import Camera, grid_rays, pixel_to_ray, rotation
 from doorway3ds.sim.furnish import Furnished
 from doorway3ds.sim.homes import Portal
 from doorway3ds.sim.plan import LOW_M, Plan

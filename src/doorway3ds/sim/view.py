@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from doorway3ds.camera import Camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.sim import homes
 from doorway3ds.sim.dataset import Shot, largest, take, texels_a_metre, truth_object, write_depth
 from doorway3ds.sim.plan import Plan

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from doorway3ds.camera import Camera, Pose
+from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.sim.homes import Room
 from doorway3ds.sim.plan import Plan
 from doorway3ds.sim.render import Eye

@@ -12,7 +12,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Camera, Pose
+from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.robots.base import RobotPose, TurnEnd, TurnResult
 from doorway3ds.robots.naoformat import FRAME_ROBOT, pose_of
 from doorway3ds.sim.body import MODELS, Body, Clock, Gait

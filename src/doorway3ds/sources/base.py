@@ -11,7 +11,8 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Camera, Pose, default_camera
+from doorway3ds.camera.choice import default_camera
+from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.errors import UserError
 from doorway3ds.types import Frame
 

@@ -12,7 +12,7 @@ import socket
 import time
 from typing import Any
 
-from doorway3ds.camera import Pose
+from doorway3ds.camera.model import Pose
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.robots import naoformat
 from doorway3ds.robots.base import RobotError

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from doorway3ds.camera import Pose
+from doorway3ds.camera.model import Pose
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.evaluate.datasets import FitCamera, load_frame, with_camera
 from doorway3ds.evaluate.datasets import Sample as Picture

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera import Camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.networks.doornet import DoorNet as Runtime
 from doorway3ds.train.augment import AugmentConfig
 from doorway3ds.train.calibrate import platt

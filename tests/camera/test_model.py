@@ -7,21 +7,19 @@ import numpy as np
 import pytest
 import yaml
 
-from doorway3ds.camera import (
-    PRESETS,
+from doorway3ds.camera.choice import default_camera
+from doorway3ds.camera.info import read_camera_info, write_camera_info
+from doorway3ds.camera.model import (
     Camera,
     Pose,
     back_project,
     bearing_elevation,
     bearing_of_pixel,
-    default_camera,
     pixel_to_ray,
-    preset,
     ray_to_pixel,
-    read_camera_info,
     rotation,
-    write_camera_info,
 )
+from doorway3ds.camera.presets import PRESETS, preset
 from doorway3ds.errors import UserError
 
 LENS = Camera("lens", 640, 480, 520.0, 525.0, 325.5, 236.0, (-0.31, 0.12, 0.002, -0.0015, -0.02))

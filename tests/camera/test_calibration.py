@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from doorway3ds.calibration import Board, calibrate, find_corners
-from doorway3ds.camera import Camera, pixel_to_ray, read_camera_info
+from doorway3ds.camera.calibration import Board, calibrate, find_corners
+from doorway3ds.camera.info import read_camera_info
+from doorway3ds.camera.model import Camera, pixel_to_ray
 from doorway3ds.cli.main import run
 from doorway3ds.errors import UserError
 from doorway3ds.images.codec import write_image

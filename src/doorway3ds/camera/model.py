@@ -3,18 +3,6 @@
 Pixels count from the centre of the top-left pixel. The camera frame is x right, y down,
 z forward; the robot frame is x forward, y left, z up, with its origin on the floor under the
 turning axis. Bearings are + left, elevations and camera pitch + up, all in degrees.
-
-Fields of view of the presets, each of a 640x480 picture:
-
-- NAO V4/V5 (MT9M114): 60.9 x 47.6 deg, top camera 0.05871 m in front of and 0.06364 m above
-  the neck joint, tilted 0.0209 rad down.
-  http://doc.aldebaran.com/2-0/family/robots/video_robot.html
-- Pepper (OV5640): 56.3 x 43.7 deg, top camera 0.0868 m in front of and 0.1631 m above the neck
-  joint, not tilted. (NAOqi 2.0's page printed 57.2 x 44.3 deg; 2.4 and 2.8 print these.)
-  http://doc.aldebaran.com/2-8/family/pepper_technical/video_2D_pep.html,
-  http://doc.aldebaran.com/2-4/family/pepper_technical/video_pep.html
-- NAO V6: the same OV5640 camera module as Pepper, mounted as in V5.
-  http://doc.aldebaran.com/2-8/family/nao_technical/video_naov6.html
 """
 
 from __future__ import annotations
@@ -22,8 +10,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,9 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from doorway3ds.errors import UserError
 
 Array = NDArray[np.float64]
-
-ASSUMED_FOV_DEG = 60.9
-"""Field of view across the longer side of a picture whose camera is unknown (NAO's)."""
 
 
 @dataclass(frozen=True)
@@ -154,112 +137,6 @@ class Pose:
     def mirrored(self) -> Pose:
         """The pose that goes with a picture flipped left to right."""
         return replace(self, yaw_deg=-self.yaw_deg, roll_deg=-self.roll_deg, left_m=-self.left_m)
-
-
-# Heights with legs straight. NAO: foot 0.045, tibia 0.103, thigh 0.100, hip 0.085, neck 0.1265,
-# camera 0.0636 m. Pepper, by its URDF: base 0.334, pelvis 0.268, hip 0.079, torso 0.139, neck
-# 0.170, camera 0.163 m; the neck stands 0.038 m behind the turning axis.
-_NAO_POSE = Pose(height_m=0.52, pitch_deg=-1.2, forward_m=0.059)
-PRESETS: dict[str, tuple[Camera, Pose]] = {
-    "nao-v5-top": (Camera.from_fov(640, 480, 60.9, 47.6, "nao-v5-top"), _NAO_POSE),
-    "nao-v6-top": (Camera.from_fov(640, 480, 56.3, 43.7, "nao-v6-top"), _NAO_POSE),
-    "pepper-top": (
-        Camera.from_fov(640, 480, 56.3, 43.7, "pepper-top"),
-        Pose(height_m=1.15, forward_m=0.049),
-    ),
-}
-
-
-def preset(name: str, width: int, height: int) -> tuple[Camera, Pose]:
-    """The preset's camera for a picture of this size, and its pose with the head at zero."""
-    if name not in PRESETS:
-        raise UserError(f"no camera preset '{name}'; there are {', '.join(sorted(PRESETS))}")
-    camera, pose = PRESETS[name]
-    return camera.scaled_to(width, height), pose
-
-
-def default_camera(width: int, height: int, focal_35mm: float | None = None) -> Camera:
-    """A guess for a picture whose camera is unknown; its name says where it comes from.
-
-    focal_35mm: EXIF's 35 mm equivalent focal length, taken over the longer side of 36 mm.
-    """
-    longer = max(width, height)
-    if focal_35mm is not None and math.isfinite(focal_35mm) and focal_35mm > 0:
-        focal, name = longer * focal_35mm / 36, f"EXIF {focal_35mm:g} mm"
-    else:
-        focal = longer / 2 / math.tan(math.radians(ASSUMED_FOV_DEG) / 2)
-        name = f"assumed {ASSUMED_FOV_DEG} deg"
-    return Camera(
-        name, width, height, focal, focal, (width - 1) / 2, (height - 1) / 2, assumed=True
-    )
-
-
-def read_camera_info(path: str | Path) -> Camera:
-    """Read a ROS `camera_info` YAML; rectification and projection matrices are not needed.
-
-    Raises UserError where the file is missing, damaged or of another distortion model.
-    """
-    import yaml
-
-    def wrong(what: str) -> UserError:
-        return UserError(f"{path} is no usable camera_info file: {what}")
-
-    try:
-        info = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UserError(f"cannot read the camera file {path}: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise wrong("it is not YAML text") from error
-    if not isinstance(info, dict):
-        raise wrong("expected image_width, image_height, camera_matrix and more by name")
-    model = info.get("distortion_model", "plumb_bob")
-    if model != "plumb_bob":
-        raise wrong(f"distortion_model must be plumb_bob, got {model!r}")
-    try:
-        width, height = int(info["image_width"]), int(info["image_height"])
-        matrix = [float(v) for v in info["camera_matrix"]["data"]]
-        coefficients = [float(v) for v in info["distortion_coefficients"]["data"]]
-    except KeyError as error:
-        raise wrong(f"{error.args[0]} is missing") from error
-    except (TypeError, ValueError) as error:
-        raise wrong(f"expected numbers ({error})") from error
-    if len(matrix) != 9:
-        raise wrong(f"camera_matrix has 9 numbers, got {len(matrix)}")
-    if len(coefficients) not in (0, 4, 5):
-        raise wrong(f"plumb_bob has 4 or 5 coefficients, got {len(coefficients)}")
-    k1, k2, p1, p2, k3 = (*coefficients, *[0.0] * (5 - len(coefficients)))
-    name = str(info.get("camera_name") or Path(path).stem)
-    try:
-        return Camera(
-            name, width, height, matrix[0], matrix[4], matrix[2], matrix[5], (k1, k2, p1, p2, k3)
-        )
-    except ValueError as error:
-        raise wrong(str(error)) from error
-
-
-def write_camera_info(camera: Camera, path: str | Path) -> None:
-    """Write a ROS `camera_info` YAML that `read_camera_info` and ROS's camera drivers read."""
-    import yaml
-
-    def matrix(rows: int, data: list[float]) -> dict[str, Any]:
-        return {"rows": rows, "cols": len(data) // rows, "data": [float(v) for v in data]}
-
-    fx, fy, cx, cy = camera.fx, camera.fy, camera.cx, camera.cy
-    info = {
-        "image_width": camera.width,
-        "image_height": camera.height,
-        "camera_name": camera.name,
-        "camera_matrix": matrix(3, [fx, 0, cx, 0, fy, cy, 0, 0, 1]),
-        "distortion_model": "plumb_bob",
-        "distortion_coefficients": matrix(1, list(camera.distortion)),
-        "rectification_matrix": matrix(3, [1, 0, 0, 0, 1, 0, 0, 0, 1]),
-        "projection_matrix": matrix(3, [fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0]),
-    }
-    text = yaml.safe_dump(info, sort_keys=False, default_flow_style=None)
-    try:
-        Path(path).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"cannot write the camera file {path}: {error.strerror}") from error
 
 
 def _distort(
