@@ -16,10 +16,10 @@ from doorway3ds.decision import Gates, decide
 from doorway3ds.errors import UserError
 from doorway3ds.images.codec import read_image
 from doorway3ds.networks.base import Joined, Network, thresholds_of
+from doorway3ds.networks.limits import override
 from doorway3ds.networks.registry import load
 from doorway3ds.opening import OpeningParams, select_opening, way_below
 from doorway3ds.paper import select_paper
-from doorway3ds.params import override
 from doorway3ds.relative import in_metres
 from doorway3ds.types import Decision, Frame, Perception
 

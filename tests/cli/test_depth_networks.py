@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from doorway3ds.cli.main import run
-from doorway3ds.networks.presets import METRIC, RELATIVE
+from doorway3ds.networks.depth.presets import METRIC, RELATIVE
 from doorway3ds.networks.registry import install
 from tests import tinynets
 from tests.conftest import Cli

@@ -20,8 +20,8 @@ import pytest
 
 from doorway3ds.errors import UserError
 from doorway3ds.networks import hub, registry
+from doorway3ds.networks.depth.presets import RELATIVE
 from doorway3ds.networks.fetch import fetch
-from doorway3ds.networks.presets import RELATIVE
 from doorway3ds.networks.session import digest
 from tests import tinynets
 from tests.conftest import Cli, Ran

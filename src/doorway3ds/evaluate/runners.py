@@ -35,9 +35,9 @@ from doorway3ds.evaluate.direction import (
 )
 from doorway3ds.networks.base import Network as BaseNetwork
 from doorway3ds.networks.base import thresholds_of
+from doorway3ds.networks.limits import override
 from doorway3ds.opening import OpeningParams, select_opening
 from doorway3ds.paper import select_paper
-from doorway3ds.params import override
 from doorway3ds.relative import in_metres
 from doorway3ds.types import Decision, Frame, Perception, Selection
 

@@ -12,7 +12,7 @@ h and w open multiples of 32, and gives
 - "floor" (1, h', w'): logit that the pixel shows floor.
 Metadata: `canonical_f_px`, `depth_error` (relative standard deviation), and if it has them
 `thresholds`, limits of the `opening` method chosen with this network, and `costs` (see
-`doorway3ds.costs`), by which its p_open is weighed.
+`doorway3ds.networks.costs`), by which its p_open is weighed.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Camera
-from doorway3ds.costs import Costs, weigh
 from doorway3ds.networks.base import COLUMNS, DEPTH, FLOOR, P_OPEN
+from doorway3ds.networks.costs import Costs, weigh
+from doorway3ds.networks.limits import override
 from doorway3ds.networks.session import Session
-from doorway3ds.params import override
 from doorway3ds.types import ColumnVotes, Perception
 
 PIXELS = 192 * 256

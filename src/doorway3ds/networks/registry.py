@@ -12,9 +12,10 @@ from typing import Any, Protocol
 
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.files import write_bytes
-from doorway3ds.networks import hub, presets
+from doorway3ds.networks import hub
 from doorway3ds.networks.base import DEPTH, FLOOR, RELATIVE, Joined, Network
-from doorway3ds.networks.depthspec import parse
+from doorway3ds.networks.depth import presets
+from doorway3ds.networks.depth.spec import parse
 from doorway3ds.networks.session import digest, signature
 
 WEIGHTS = Path(__file__).resolve().parent.parent / "weights"
@@ -246,7 +247,7 @@ def _load_one(name: str, threads: int | None) -> Network:
             raise UserError(f"no network file {path}; expected an existing .onnx file")
         card = read_card(path)
         if "depth" in card.more:
-            from doorway3ds.networks.depthfile import DepthFile
+            from doorway3ds.networks.depth.file import DepthFile
 
             spec = parse(card.more["depth"], card.file or path)
             return DepthFile(path, spec, name=name, sha256=card.sha256, threads=threads)
@@ -289,7 +290,7 @@ _SIGNED = ("doornet", "cnn-srin", "densedepth")
 def _adapter(name: str) -> _Adapter:
     """The adapter of a registered name."""
     if name in presets.PRESETS:
-        from doorway3ds.networks.depthfile import DepthFile
+        from doorway3ds.networks.depth.file import DepthFile
 
         return functools.partial(DepthFile, spec=presets.PRESETS[name])
     if name == "doornet":

@@ -9,8 +9,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
 
-from doorway3ds.costs import Costs
 from doorway3ds.errors import UserError
+from doorway3ds.networks.costs import Costs
 from doorway3ds.train.augment import AugmentConfig
 from doorway3ds.train.compose import ComposeConfig
 from doorway3ds.train.doornet import DoorNetConfig

@@ -28,9 +28,9 @@ from doorway3ds.evaluate.readers import read_dataset
 from doorway3ds.files import write_bytes
 from doorway3ds.networks.base import Network
 from doorway3ds.networks.doornet import DoorNet
+from doorway3ds.networks.limits import override
 from doorway3ds.networks.session import digest
 from doorway3ds.opening import OpeningParams, select_opening
-from doorway3ds.params import override
 from doorway3ds.train.export import set_metadata
 from doorway3ds.train.run import read_calibration
 from doorway3ds.types import Frame, Perception

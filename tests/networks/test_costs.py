@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from doorway3ds.costs import Costs, weigh
 from doorway3ds.errors import UserError
+from doorway3ds.networks.costs import Costs, weigh
 
 COSTS = Costs(missed=1.5, false_near=3.0, near_m=1.0, far_m=4.0)
 

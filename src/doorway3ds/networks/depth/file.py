@@ -24,7 +24,7 @@ from doorway3ds.camera.model import Camera
 from doorway3ds.errors import UserError
 from doorway3ds.networks.base import DEPTH, RELATIVE
 from doorway3ds.networks.cnn_srin import squeeze
-from doorway3ds.networks.depthspec import INVERSE, METRES, RELATIVE_INVERSE, DepthSpec
+from doorway3ds.networks.depth.spec import INVERSE, METRES, RELATIVE_INVERSE, DepthSpec
 from doorway3ds.networks.session import Session, Shape, Signature, signature, verify
 from doorway3ds.types import Perception, RelativeDepth
 

@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 from doorway3ds.camera.model import Camera
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.networks import load
-from doorway3ds.networks.depthfile import DepthFile
-from doorway3ds.networks.depthspec import MAX_ASPECT, DepthSpec, parse
-from doorway3ds.networks.presets import METRIC, PRESETS, RELATIVE
+from doorway3ds.networks.depth.file import DepthFile
+from doorway3ds.networks.depth.presets import METRIC, PRESETS, RELATIVE
+from doorway3ds.networks.depth.spec import MAX_ASPECT, DepthSpec, parse
 from doorway3ds.networks.session import digest
 from tests import tinynets
 

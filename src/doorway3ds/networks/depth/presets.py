@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from doorway3ds.networks.depthspec import RELATIVE_INVERSE, DepthSpec
+from doorway3ds.networks.depth.spec import RELATIVE_INVERSE, DepthSpec
 
 METRIC = "depth-anything-v2-metric-indoor-small"
 RELATIVE = "depth-anything-v2-small"
