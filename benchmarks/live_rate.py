@@ -32,8 +32,8 @@ import numpy as np
 from serve_load import serving
 
 from doorway3ds.benchmark import machine, made_up_film
+from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.networks import load
-from doorway3ds.pipeline import Pipeline
 from doorway3ds.sources import open_source
 from doorway3ds.tracker import Tracker
 

@@ -24,9 +24,9 @@ import numpy as np
 from rss import mb_per_hour, plot
 
 from doorway3ds.benchmark import machine, made_up_film
+from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.feed import Feed
 from doorway3ds.networks import load
-from doorway3ds.pipeline import Pipeline
 from doorway3ds.sources import open_source
 from doorway3ds.tracker import Tracker
 from doorway3ds.types import Frame, Perception

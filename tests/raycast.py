@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from doorway3ds.camera.model import Camera, Pose
-from doorway3ds.opening import columns_from_spans
+from doorway3ds.decide.opening import columns_from_spans
 from doorway3ds.types import Frame, Perception
 
 

@@ -16,10 +16,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.errors import UserError
 from doorway3ds.networks import Joined, Network, load
 from doorway3ds.networks.session import available_providers, available_threads
-from doorway3ds.pipeline import Pipeline
 
 STAGES = ("decode", "prepare", "network", "selection", "decision")
 BUDGET_MS, BUDGET_START_S, BUDGET_PEAK_MB = 33.0, 1.5, 300.0

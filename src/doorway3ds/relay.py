@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import threading
 
-from doorway3ds.decision import Gates
-from doorway3ds.follow import follow
-from doorway3ds.opening import OpeningParams
+from doorway3ds.decide.follow import follow
+from doorway3ds.decide.gates import Gates
+from doorway3ds.decide.opening import OpeningParams
 from doorway3ds.types import Decision, Frame, Perception
 
 

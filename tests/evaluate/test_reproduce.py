@@ -10,6 +10,7 @@ import pytest
 
 from doorway3ds.camera.choice import default_camera
 from doorway3ds.camera.model import Camera
+from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.errors import UserError
 from doorway3ds.evaluate import printed
 from doorway3ds.evaluate.reproduce import (
@@ -27,7 +28,6 @@ from doorway3ds.evaluate.reproduce import (
     result,
     verdict,
 )
-from doorway3ds.pipeline import Pipeline
 from doorway3ds.types import Perception
 
 from .conftest import write_picture

@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from doorway3ds.decision import decide
+from doorway3ds.decide.gates import decide
+from doorway3ds.decide.opening import columns_from_spans
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.evaluate import direction, runners
 from doorway3ds.evaluate.readers import read_dataset
 from doorway3ds.evaluate.runners import Label, Protocol
-from doorway3ds.opening import columns_from_spans
 from doorway3ds.types import Perception, Selection
 
 

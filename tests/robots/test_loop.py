@@ -348,9 +348,9 @@ def test_differences_name_what_changed_and_pass_over_times() -> None:
 
 
 def test_between_two_equal_doorways_it_stays_with_the_one_it_turned_to() -> None:
-    from doorway3ds.decision import decide
-    from doorway3ds.follow import follow
-    from doorway3ds.opening import columns_from_spans, select_opening
+    from doorway3ds.decide.follow import follow
+    from doorway3ds.decide.gates import decide
+    from doorway3ds.decide.opening import columns_from_spans, select_opening
 
     camera = Camera.from_fov(320, 240, 60.0)
     frame = Frame(np.zeros((240, 320, 3), np.uint8), camera)

@@ -11,8 +11,8 @@ import pytest
 
 from doorway3ds.camera.info import write_camera_info
 from doorway3ds.camera.model import Camera
+from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.networks import load
-from doorway3ds.pipeline import Pipeline
 from tests import tinynets
 from tests.sources.servers import MjpegServer
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from doorway3ds.camera.model import Camera, Pose
-from doorway3ds.decision import decide
-from doorway3ds.opening import columns_from_spans, select_opening
+from doorway3ds.decide.gates import decide
+from doorway3ds.decide.opening import columns_from_spans, select_opening
 from doorway3ds.types import Frame, Perception
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from doorway3ds.camera.model import Camera, bearing_of_pixel, grid_rays, ray_to_pixel
-from doorway3ds.decision import decide
-from doorway3ds.opening import select_opening
+from doorway3ds.decide.gates import decide
+from doorway3ds.decide.opening import select_opening
 from doorway3ds.sim.clutter import carton, person
 from doorway3ds.sim.furnish import Mirror, Placed
 from doorway3ds.sim.furniture import Item, wardrobe

@@ -19,9 +19,9 @@ pytest.importorskip("keras")
 from doorway3ds.camera.info import write_camera_info
 from doorway3ds.camera.model import Camera
 from doorway3ds.cli.main import run
+from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.errors import UserError
 from doorway3ds.networks.doornet import DoorNet
-from doorway3ds.pipeline import Pipeline
 
 pytestmark = pytest.mark.train
 

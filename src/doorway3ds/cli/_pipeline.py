@@ -9,7 +9,7 @@ from doorway3ds.cli._camera import require_range
 from doorway3ds.errors import CallError, UserError
 
 if TYPE_CHECKING:
-    from doorway3ds.pipeline import Pipeline
+    from doorway3ds.decide.pipeline import Pipeline
 
 
 def build_pipeline(
@@ -29,10 +29,10 @@ def build_pipeline(
     require_range("--width-m", width_m, 0.01, 5)
     require_range("--max-unseen-m", max_unseen_m, 0, 100)
 
-    from doorway3ds.decision import Gates
+    from doorway3ds.decide.gates import Gates
+    from doorway3ds.decide.pipeline import NEEDS, Pipeline
     from doorway3ds.networks import load
     from doorway3ds.networks.mirrored import Mirrored
-    from doorway3ds.pipeline import NEEDS, Pipeline
 
     needs = NEEDS["paper" if method == "paper" else "opening"]
     try:

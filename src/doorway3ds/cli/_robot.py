@@ -13,7 +13,7 @@ from doorway3ds.cli._pipeline import build_pipeline
 from doorway3ds.errors import CallError
 
 if TYPE_CHECKING:
-    from doorway3ds.pipeline import Pipeline
+    from doorway3ds.decide.pipeline import Pipeline
     from doorway3ds.robots.base import Driver, Limits, Robot
     from doorway3ds.runlog import RunLog
     from doorway3ds.sources import Source
@@ -40,8 +40,8 @@ def pipeline_for(
     if network != "truth":
         return build_pipeline(method, network, width_m, max_unseen_m, threads)
 
-    from doorway3ds.decision import Gates
-    from doorway3ds.pipeline import Pipeline
+    from doorway3ds.decide.gates import Gates
+    from doorway3ds.decide.pipeline import Pipeline
     from doorway3ds.sources.sim import TruthNetwork
 
     if method not in ("opening", "paper"):

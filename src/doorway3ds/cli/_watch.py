@@ -15,8 +15,8 @@ from doorway3ds.types import Decision, Frame, Perception, Reason
 
 if TYPE_CHECKING:
     from doorway3ds.cli._panel import Panel
+    from doorway3ds.decide.pipeline import Pipeline
     from doorway3ds.images.film import Film
-    from doorway3ds.pipeline import Pipeline
     from doorway3ds.runlog import RunLog
     from doorway3ds.sources import Source
     from doorway3ds.tracker import Tracked

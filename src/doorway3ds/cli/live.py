@@ -41,8 +41,8 @@ from doorway3ds.images.film import Film, require_film
 
 if TYPE_CHECKING:
     from doorway3ds.cli._camera import CameraChoice
+    from doorway3ds.decide.pipeline import Pipeline
     from doorway3ds.loop import Report
-    from doorway3ds.pipeline import Pipeline
     from doorway3ds.robots.base import Driver, Robot
     from doorway3ds.runlog import RunLog
     from doorway3ds.sources import Source

@@ -32,7 +32,7 @@ from doorway3ds.cli._progress import Progress
 from doorway3ds.errors import CallError, UserError
 
 if TYPE_CHECKING:
-    from doorway3ds.pipeline import Pipeline
+    from doorway3ds.decide.pipeline import Pipeline
     from doorway3ds.types import Decision
 
 OUT = Path("3ds-out")

@@ -13,7 +13,7 @@ from doorway3ds.cli._options import Threads
 from doorway3ds.errors import CallError, UserError
 
 if TYPE_CHECKING:
-    from doorway3ds.pipeline import Pipeline
+    from doorway3ds.decide.pipeline import Pipeline
     from doorway3ds.types import Perception
 
 
@@ -33,7 +33,7 @@ def replay(
 
     Exit status: 0 all decisions are the same, 1 some differ or the run cannot be read.
     """
-    from doorway3ds.follow import follow
+    from doorway3ds.decide.follow import follow
     from doorway3ds.runlog import differences, looks, read_log
 
     events = read_log(run)
@@ -77,8 +77,8 @@ def _pipeline(
     start: dict[str, Any], network: str | None, method: str | None, threads: int | None
 ) -> tuple[Pipeline, _Kept | None]:
     from doorway3ds.cli._pipeline import build_pipeline
-    from doorway3ds.decision import Gates
-    from doorway3ds.pipeline import Method, Pipeline
+    from doorway3ds.decide.gates import Gates
+    from doorway3ds.decide.pipeline import Method, Pipeline
 
     if method not in (None, "opening", "paper"):
         raise CallError(f"--method must be opening or paper, got {method!r}")

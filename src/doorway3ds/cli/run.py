@@ -83,7 +83,7 @@ def run(
     choice = CameraOptions(camera).resolve()
 
     from doorway3ds.cli._signals import ended_by_sigterm
-    from doorway3ds.follow import follow
+    from doorway3ds.decide.follow import follow
     from doorway3ds.loop import Loop, LoopParams
     from doorway3ds.robots.base import Driver, Limits
     from doorway3ds.sources import open_source

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.decision import Gates
+from doorway3ds.decide.gates import Gates
 from doorway3ds.evaluate import intervals
 from doorway3ds.evaluate.datasets import NYU_KINDS, bearing_to_column
 from doorway3ds.evaluate.direction import GO_REASONS, DirectionRecord

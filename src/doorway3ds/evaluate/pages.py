@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.decision import Gates
+from doorway3ds.decide.gates import Gates
 from doorway3ds.evaluate import classifier, depth, direction, kinds, plots, sheets
 from doorway3ds.evaluate.classifier import ClassifierMetrics, ClassifierRecord
 from doorway3ds.evaluate.datasets import Sample

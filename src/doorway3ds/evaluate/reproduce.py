@@ -9,6 +9,7 @@ from typing import Any
 
 from doorway3ds.camera.model import pixel_to_ray, rotation
 from doorway3ds.camera.presets import preset
+from doorway3ds.decide.paper import COLUMNS, FREE_BELOW_ROW, ROWS, UNIT_M, pixel_to_angle
 from doorway3ds.errors import UserError
 from doorway3ds.evaluate import printed
 from doorway3ds.evaluate.classifier import ClassifierMetrics
@@ -18,7 +19,6 @@ from doorway3ds.evaluate.metrics import Confusion, confusion
 from doorway3ds.evaluate.readers import read_dataset
 from doorway3ds.evaluate.report import Table, cell
 from doorway3ds.images.codec import SUFFIXES
-from doorway3ds.paper import COLUMNS, FREE_BELOW_ROW, ROWS, UNIT_M, pixel_to_angle
 from doorway3ds.types import Decision, Frame
 
 STAND_DEG = 9.7  # by which NAO's posture Stand raises its head

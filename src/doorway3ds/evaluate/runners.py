@@ -13,7 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Camera
-from doorway3ds.decision import Gates, decide
+from doorway3ds.decide.gates import Gates, decide
+from doorway3ds.decide.opening import OpeningParams, select_opening
+from doorway3ds.decide.paper import select_paper
+from doorway3ds.decide.scene.metres import in_metres
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.evaluate import depth as depth_scores
 from doorway3ds.evaluate import kinds as kind_scores
@@ -36,9 +39,6 @@ from doorway3ds.evaluate.direction import (
 from doorway3ds.networks.base import Network as BaseNetwork
 from doorway3ds.networks.base import thresholds_of
 from doorway3ds.networks.limits import override
-from doorway3ds.opening import OpeningParams, select_opening
-from doorway3ds.paper import select_paper
-from doorway3ds.relative import in_metres
 from doorway3ds.types import Decision, Frame, Perception, Selection
 
 # `networks.Network`, or any function of a picture and its camera

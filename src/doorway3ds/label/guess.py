@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.evaluate.datasets import FitCamera
 from doorway3ds.images.codec import Picture
 from doorway3ds.label.marks import MarkedOpening, Marks
 from doorway3ds.label.pictures import Guess, Guesser
-from doorway3ds.pipeline import Pipeline
 from doorway3ds.types import Decision, Frame
 
 _SURE = 0.5  # score from which a further opening is drawn, too

@@ -12,11 +12,11 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from doorway3ds.camera.choice import default_camera
 from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.camera.presets import PRESETS, preset
-from doorway3ds.decision import Gates
+from doorway3ds.decide.gates import Gates
+from doorway3ds.decide.opening import OpeningParams
+from doorway3ds.decide.pipeline import NEEDS, Method, Pipeline
 from doorway3ds.networks.base import DEPTH, RELATIVE, Joined, Network, together
 from doorway3ds.networks.registry import MODELS, load
-from doorway3ds.opening import OpeningParams
-from doorway3ds.pipeline import NEEDS, Method, Pipeline
 from doorway3ds.server.errors import ApiError
 from doorway3ds.server.settings import Settings
 from doorway3ds.sources.base import CameraFor

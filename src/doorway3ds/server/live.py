@@ -15,10 +15,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.draw import annotate, overlay
 from doorway3ds.errors import UserError
 from doorway3ds.feed import Feed
-from doorway3ds.pipeline import Pipeline
 from doorway3ds.server.choice import Fields, Pipelines, Viewpoint, viewpoint
 from doorway3ds.server.metrics import Metrics
 from doorway3ds.server.settings import Settings

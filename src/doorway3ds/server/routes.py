@@ -15,9 +15,9 @@ from fastapi.responses import StreamingResponse
 
 from doorway3ds import __version__
 from doorway3ds.camera.presets import PRESETS
+from doorway3ds.decide.pipeline import NEEDS
 from doorway3ds.draw import annotate
 from doorway3ds.images.codec import read_image
-from doorway3ds.pipeline import NEEDS
 from doorway3ds.server import schemas
 from doorway3ds.server.body import Upload, read_upload
 from doorway3ds.server.choice import DecideFields, SourceFields, viewpoint

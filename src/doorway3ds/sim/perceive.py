@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from doorway3ds.opening import columns_from_spans
+from doorway3ds.decide.opening import columns_from_spans
 from doorway3ds.sim.dataset import Shot
 from doorway3ds.types import Frame, Perception
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from doorway3ds.decision import decide
+from doorway3ds.decide.gates import decide
+from doorway3ds.decide.opening import OpeningParams, select_opening
 from doorway3ds.errors import UserError
 from doorway3ds.evaluate import direction
 from doorway3ds.evaluate.datasets import (
@@ -30,7 +31,6 @@ from doorway3ds.networks.base import Network
 from doorway3ds.networks.doornet import DoorNet
 from doorway3ds.networks.limits import override
 from doorway3ds.networks.session import digest
-from doorway3ds.opening import OpeningParams, select_opening
 from doorway3ds.train.export import set_metadata
 from doorway3ds.train.run import read_calibration
 from doorway3ds.types import Frame, Perception

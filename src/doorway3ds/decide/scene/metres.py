@@ -17,8 +17,8 @@ from dataclasses import replace
 import numpy as np
 
 from doorway3ds.camera.model import Array, grid_pixels, grid_rays, rotation
+from doorway3ds.decide.scene.floor import FloorParams, floor_mask
 from doorway3ds.errors import UserError
-from doorway3ds.floor import FloorParams, floor_mask
 from doorway3ds.types import Frame, Perception
 
 FARTHEST_M = 20.0  # beyond, the line says only that it is far

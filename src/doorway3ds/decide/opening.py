@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from doorway3ds.camera.model import bearing_of_pixel, pixel_to_ray
-from doorway3ds.clearance import Clearance, ClearanceParams, look_down, sweep
-from doorway3ds.floor import FloorParams, Scene, build_scene
-from doorway3ds.threshold import ThresholdParams, Walls, locate_threshold, see_walls
+from doorway3ds.decide.scene.clearance import Clearance, ClearanceParams, look_down, sweep
+from doorway3ds.decide.scene.floor import FloorParams, Scene, build_scene
+from doorway3ds.decide.scene.sill import ThresholdParams, Walls, locate_threshold, see_walls
 from doorway3ds.types import ColumnVotes, Frame, Opening, Perception, Selection
 
 Span = tuple[float, float, float]

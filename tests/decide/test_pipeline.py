@@ -11,11 +11,11 @@ import pytest
 from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Camera, Pose
-from doorway3ds.decision import Gates
+from doorway3ds.decide.gates import Gates
+from doorway3ds.decide.opening import columns_from_spans
+from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.errors import UserError
 from doorway3ds.networks.doornet import DoorNet
-from doorway3ds.opening import columns_from_spans
-from doorway3ds.pipeline import Pipeline
 from doorway3ds.types import Frame, Perception, Reason
 from tests import tinynets
 from tests.pictures import encode, scene

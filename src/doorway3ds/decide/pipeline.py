@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from doorway3ds.camera.choice import default_camera
 from doorway3ds.camera.model import Camera, Pose
-from doorway3ds.decision import Gates, decide
+from doorway3ds.decide.gates import Gates, decide
+from doorway3ds.decide.opening import OpeningParams, select_opening, way_below
+from doorway3ds.decide.paper import select_paper
+from doorway3ds.decide.scene.metres import in_metres
 from doorway3ds.errors import UserError
 from doorway3ds.images.codec import read_image
 from doorway3ds.networks.base import Joined, Network, thresholds_of
 from doorway3ds.networks.limits import override
 from doorway3ds.networks.registry import load
-from doorway3ds.opening import OpeningParams, select_opening, way_below
-from doorway3ds.paper import select_paper
-from doorway3ds.relative import in_metres
 from doorway3ds.types import Decision, Frame, Perception
 
 Method = Literal["opening", "paper"]

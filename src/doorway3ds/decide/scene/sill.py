@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from doorway3ds.camera.model import Array
-from doorway3ds.floor import Mask, Scene
+from doorway3ds.decide.scene.floor import Mask, Scene
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from doorway3ds.decision import Gates, decide
-from doorway3ds.opening import OpeningParams, select_opening
+from doorway3ds.decide.gates import Gates, decide
+from doorway3ds.decide.opening import OpeningParams, select_opening
 from doorway3ds.types import ColumnVotes, Decision
 
 SAME_DEG = 12.0

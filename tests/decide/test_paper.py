@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from doorway3ds.camera.model import Camera, Pose
-from doorway3ds.decision import decide
+from doorway3ds.decide.gates import decide
+from doorway3ds.decide.paper import pixel_to_angle, resample, select_paper, select_pixels
 from doorway3ds.errors import UserError
-from doorway3ds.paper import pixel_to_angle, resample, select_paper, select_pixels
 from doorway3ds.types import Frame, Perception, Reason
 
 TABLE_3 = [

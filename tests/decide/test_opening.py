@@ -8,15 +8,15 @@ import pytest
 
 from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.camera.presets import preset
-from doorway3ds.decision import decide
-from doorway3ds.errors import UserError
-from doorway3ds.networks.limits import override
-from doorway3ds.opening import (
+from doorway3ds.decide.gates import decide
+from doorway3ds.decide.opening import (
     OpeningParams,
     columns_from_spans,
     decode_columns,
     select_opening,
 )
+from doorway3ds.errors import UserError
+from doorway3ds.networks.limits import override
 from doorway3ds.types import ColumnVotes, Frame, Perception, Reason
 from tests.raycast import Box, Room, View, render
 

@@ -7,10 +7,10 @@ import pytest
 
 from doorway3ds.camera.model import Pose
 from doorway3ds.camera.presets import PRESETS, preset
-from doorway3ds.clearance import ClearanceParams, label_groups, look_down, sweep
-from doorway3ds.decision import Gates, decide
-from doorway3ds.floor import build_scene
-from doorway3ds.opening import OpeningParams, select_opening
+from doorway3ds.decide.gates import Gates, decide
+from doorway3ds.decide.opening import OpeningParams, select_opening
+from doorway3ds.decide.scene.clearance import ClearanceParams, label_groups, look_down, sweep
+from doorway3ds.decide.scene.floor import build_scene
 from doorway3ds.types import Reason
 from tests.raycast import Box, Room, View, render
 

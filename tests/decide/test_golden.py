@@ -1,7 +1,7 @@
 """The packaged network's answers on the examples, end to end, stay what they were.
 
 That they are right is asserted with true perception in tests/sim/test_examples.py. After a change
-of the network that is meant, `python -m tests.test_golden` writes golden.json again.
+of the network that is meant, `python -m tests.decide.test_golden` writes golden.json again.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from typing import Any
 import pytest
 
 from doorway3ds.camera.model import Camera, Pose
+from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.networks.registry import MODELS
-from doorway3ds.pipeline import Pipeline
 
-EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.jpg"))
+EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.jpg"))
 GOLDEN = Path(__file__).with_name("golden.json")
 KEYS = ("p_open", "reason", "turn_deg", "bearing_deg", "range_m", "clear", "look")
 

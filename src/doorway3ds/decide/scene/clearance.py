@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Array, Camera, ray_to_pixel
-from doorway3ds.floor import FloorPlane, Mask, Scene
+from doorway3ds.decide.scene.floor import FloorPlane, Mask, Scene
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from doorway3ds.camera.model import Camera, Pose
+from doorway3ds.decide.opening import select_opening
+from doorway3ds.decide.scene.metres import FARTHEST_M, in_metres
 from doorway3ds.errors import UserError
-from doorway3ds.opening import select_opening
-from doorway3ds.relative import FARTHEST_M, in_metres
 from doorway3ds.types import Perception, RelativeDepth
 from tests.raycast import Box, Room, View, render
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from doorway3ds.camera.model import Camera
-from doorway3ds.decision import Gates, decide
+from doorway3ds.decide.gates import Gates, decide
 from doorway3ds.types import Frame, Opening, Perception, Reason, Selection
 
 FRAME = Frame(np.zeros((48, 64, 3), np.uint8), Camera.from_fov(64, 48, 60.9, assumed=True))
