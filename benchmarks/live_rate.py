@@ -33,9 +33,9 @@ from serve_load import serving
 
 from doorway3ds.benchmark import machine, made_up_film
 from doorway3ds.decide.pipeline import Pipeline
+from doorway3ds.live.tracker import Tracker
 from doorway3ds.networks import load
 from doorway3ds.sources import open_source
-from doorway3ds.tracker import Tracker
 
 RESULTS = Path(__file__).parent / "results"
 WARM_UP = 30  # frames

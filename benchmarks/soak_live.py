@@ -25,10 +25,10 @@ from rss import mb_per_hour, plot
 
 from doorway3ds.benchmark import machine, made_up_film
 from doorway3ds.decide.pipeline import Pipeline
-from doorway3ds.feed import Feed
+from doorway3ds.live.feed import Feed
+from doorway3ds.live.tracker import Tracker
 from doorway3ds.networks import load
 from doorway3ds.sources import open_source
-from doorway3ds.tracker import Tracker
 from doorway3ds.types import Frame, Perception
 
 RESULTS = Path(__file__).parent / "results"

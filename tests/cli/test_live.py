@@ -19,13 +19,13 @@ from rich.console import Console
 from doorway3ds.cli._panel import Panel
 from doorway3ds.errors import UserError
 from doorway3ds.images.film import Film
-from doorway3ds.runlog import looks, read_log
+from doorway3ds.robots.runlog import looks, read_log
 from doorway3ds.sources import LiveSource, open_source
 from tests.conftest import Cli
+from tests.live.test_tracker import look, opening, settled
 from tests.pictures import encode, scene
 from tests.sources.films import film, number
 from tests.sources.servers import MjpegServer
-from tests.test_tracker import look, opening, settled
 
 NET = ("--network", "net.onnx")
 

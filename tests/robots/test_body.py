@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from doorway3ds.camera.presets import PRESETS
-from doorway3ds.robots.naoformat import FRAME_ROBOT, pose_of
+from doorway3ds.robots.nao.format import FRAME_ROBOT, pose_of
 from doorway3ds.sim.body import MODELS, Body, FastClock, Gait
 
 

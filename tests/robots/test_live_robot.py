@@ -13,7 +13,7 @@ from typing import Any
 import cv2
 import pytest
 
-from doorway3ds.runlog import read_log
+from doorway3ds.robots.runlog import read_log
 from doorway3ds.sim.body import Body, Gait
 from tests import tinynets
 

@@ -12,9 +12,9 @@ import pytest
 
 from doorway3ds.camera.model import Camera
 from doorway3ds.errors import UserError
-from doorway3ds.loop import Loop, LoopParams, Outcome
 from doorway3ds.robots import Driver, DryRobot, Limits, RobotLost, TurnEnd, TurnResult
-from doorway3ds.runlog import RunLog, differences, looks, read_log
+from doorway3ds.robots.loop import Loop, LoopParams, Outcome
+from doorway3ds.robots.runlog import RunLog, differences, looks, read_log
 from doorway3ds.types import Decision, Frame, Perception, Reason, Selection
 
 CAMERA = Camera.from_fov(32, 24, 60.0)

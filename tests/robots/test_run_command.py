@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from doorway3ds.runlog import read_log
+from doorway3ds.robots.runlog import read_log
 from doorway3ds.sim.nao import Faults
 
 

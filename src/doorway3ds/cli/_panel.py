@@ -11,8 +11,8 @@ from doorway3ds.types import Reason
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+    from doorway3ds.live.tracker import Tracked
     from doorway3ds.sources import Source
-    from doorway3ds.tracker import Tracked
 
 _REFRESH_S = 0.2
 _RATE_S = 3.0

@@ -15,7 +15,7 @@ from doorway3ds.errors import CallError
 if TYPE_CHECKING:
     from doorway3ds.decide.pipeline import Pipeline
     from doorway3ds.robots.base import Driver, Limits, Robot
-    from doorway3ds.runlog import RunLog
+    from doorway3ds.robots.runlog import RunLog
     from doorway3ds.sources import Source
 
 ROBOT_HELP = "nao://HOST[:PORT], sim (the robot of a sim:// source), or dry."
@@ -70,7 +70,7 @@ def robot_of(name: str, source: Source, limits: Limits) -> Iterator[Robot]:
             raise CallError("--robot sim needs a sim:// source, whose robot it is")
         legs = SimRobot(source.world)
     else:
-        from doorway3ds.robots.nao import NaoRobot
+        from doorway3ds.robots.nao.robot import NaoRobot
 
         legs = NaoRobot(name, limits)
     try:
@@ -85,7 +85,7 @@ def logged(
 ) -> Iterator[RunLog]:
     """The log of a run, begun; folder: default 3ds-run-DATE-TIME."""
     from doorway3ds import __version__
-    from doorway3ds.runlog import RunLog
+    from doorway3ds.robots.runlog import RunLog
 
     folder = folder or Path(time.strftime("3ds-run-%Y%m%d-%H%M%S"))
     with RunLog(folder, perception=pipeline.network.name == "truth") as log:

@@ -10,16 +10,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from doorway3ds.feed import Feed
+from doorway3ds.live.feed import Feed
 from doorway3ds.types import Decision, Frame, Perception, Reason
 
 if TYPE_CHECKING:
     from doorway3ds.cli._panel import Panel
     from doorway3ds.decide.pipeline import Pipeline
     from doorway3ds.images.film import Film
-    from doorway3ds.runlog import RunLog
+    from doorway3ds.live.tracker import Tracked
+    from doorway3ds.robots.runlog import RunLog
     from doorway3ds.sources import Source
-    from doorway3ds.tracker import Tracked
 
 _WAIT_S = 0.25
 _SAY_S = 1.0  # between lines without a panel, where the reason stays the same
@@ -52,7 +52,7 @@ class Watch:
     def __init__(
         self, pipeline: Pipeline, source: Source, as_json: bool, prefetch: bool = False
     ) -> None:
-        from doorway3ds.tracker import Tracker
+        from doorway3ds.live.tracker import Tracker
 
         self._pipeline, self._source, self._as_json = pipeline, source, as_json
         self._prefetch = prefetch

@@ -42,9 +42,9 @@ from doorway3ds.images.film import Film, require_film
 if TYPE_CHECKING:
     from doorway3ds.cli._camera import CameraChoice
     from doorway3ds.decide.pipeline import Pipeline
-    from doorway3ds.loop import Report
     from doorway3ds.robots.base import Driver, Robot
-    from doorway3ds.runlog import RunLog
+    from doorway3ds.robots.loop import Report
+    from doorway3ds.robots.runlog import RunLog
     from doorway3ds.sources import Source
     from doorway3ds.types import Decision, Frame
 
@@ -177,8 +177,8 @@ def _drive(
 
     Signals reach the main thread, and so the loop, which stops the robot before anything else.
     """
-    from doorway3ds.loop import Loop
-    from doorway3ds.relay import Relay
+    from doorway3ds.robots.loop import Loop
+    from doorway3ds.robots.relay import Relay
     from doorway3ds.sources import SourceLost
 
     relay = Relay(pipeline.params, pipeline.gates)
@@ -271,7 +271,7 @@ def _recording(folder: Path, pipeline: Pipeline, source: Source, watch: Watch) -
     from dataclasses import asdict
 
     from doorway3ds import __version__
-    from doorway3ds.runlog import RunLog
+    from doorway3ds.robots.runlog import RunLog
 
     with RunLog(folder) as log:
         log.write(

@@ -34,7 +34,7 @@ def replay(
     Exit status: 0 all decisions are the same, 1 some differ or the run cannot be read.
     """
     from doorway3ds.decide.follow import follow
-    from doorway3ds.runlog import differences, looks, read_log
+    from doorway3ds.robots.runlog import differences, looks, read_log
 
     events = read_log(run)
     pipeline, kept = _pipeline(events[0], network, method, threads)

@@ -84,8 +84,8 @@ def run(
 
     from doorway3ds.cli._signals import ended_by_sigterm
     from doorway3ds.decide.follow import follow
-    from doorway3ds.loop import Loop, LoopParams
     from doorway3ds.robots.base import Driver, Limits
+    from doorway3ds.robots.loop import Loop, LoopParams
     from doorway3ds.sources import open_source
 
     require_robot(robot)

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.draw import annotate, overlay
 from doorway3ds.errors import UserError
-from doorway3ds.feed import Feed
+from doorway3ds.live.feed import Feed
+from doorway3ds.live.tracker import Tracked, Tracker
 from doorway3ds.server.choice import Fields, Pipelines, Viewpoint, viewpoint
 from doorway3ds.server.metrics import Metrics
 from doorway3ds.server.settings import Settings
 from doorway3ds.server.view import view_of
 from doorway3ds.sources.base import Source, SourceLost
-from doorway3ds.tracker import Tracked, Tracker
 from doorway3ds.types import Decision, Frame, Perception, Reason
 
 State = Literal["starting", "running", "waiting", "ended", "lost", "stopped"]

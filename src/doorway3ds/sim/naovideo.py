@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.robots.naoformat import BYTES, COLOURS, SIZES
+from doorway3ds.robots.nao.format import BYTES, COLOURS, SIZES
 from doorway3ds.sim.naoservice import Service, returns
 
 if TYPE_CHECKING:

@@ -18,9 +18,9 @@ from doorway3ds.decide.gates import decide
 from doorway3ds.decide.opening import columns_from_spans, select_opening, way_below
 from doorway3ds.decide.paper import select_paper
 from doorway3ds.decide.pipeline import Pipeline
-from doorway3ds.loop import Loop, LoopParams, Outcome
 from doorway3ds.networks.base import Network
 from doorway3ds.robots.base import Driver, TurnResult
+from doorway3ds.robots.loop import Loop, LoopParams, Outcome
 from doorway3ds.sim.body import FastClock
 from doorway3ds.sim.scenarios import Stage
 from doorway3ds.sim.truth import Truth

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.robots.base import RobotPose, TurnEnd, TurnResult
-from doorway3ds.robots.naoformat import FRAME_ROBOT, pose_of
+from doorway3ds.robots.nao.format import FRAME_ROBOT, pose_of
 from doorway3ds.sim.body import MODELS, Body, Clock, Gait
 from doorway3ds.sim.dataset import Shot, exposed, largest, take, texels_a_metre
 from doorway3ds.sim.homes import Home

@@ -22,7 +22,7 @@ from doorway3ds.robots.base import (
     TurnEnd,
     TurnResult,
 )
-from doorway3ds.robots.naoqi import Naoqi, address
+from doorway3ds.robots.nao.session import Naoqi, address
 
 POSTURE, POSTURE_SPEED = "StandInit", 0.5
 HEAD = ["HeadYaw", "HeadPitch"]

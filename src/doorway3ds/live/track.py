@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from doorway3ds.filters import Belief, Smoothed
+from doorway3ds.live.filters import Belief, Smoothed
 from doorway3ds.types import Decision, Opening, Reason, Selection
 
 

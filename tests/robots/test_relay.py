@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import pytest
 
-from doorway3ds.loop import Loop, Outcome
-from doorway3ds.relay import Relay
 from doorway3ds.robots import Driver, DryRobot
+from doorway3ds.robots.loop import Loop, Outcome
+from doorway3ds.robots.relay import Relay
 from doorway3ds.sources import SourceLost
 from doorway3ds.types import Decision
-from tests.test_tracker import look, opening
+from tests.live.test_tracker import look, opening
 
 
 def decided(stamp_s: float) -> Decision:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from doorway3ds.camera.model import Camera
-from doorway3ds.filters import Belief, Smoothed
-from doorway3ds.tracker import Tracked, Tracker
+from doorway3ds.live.filters import Belief, Smoothed
+from doorway3ds.live.tracker import Tracked, Tracker
 from doorway3ds.types import Decision, Frame, Opening, Perception, Reason, Selection
 
 HZ = 10.0

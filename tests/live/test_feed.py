@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from doorway3ds.errors import UserError
-from doorway3ds.feed import Feed
+from doorway3ds.live.feed import Feed
 from doorway3ds.sources import Source, SourceLost, View
 from doorway3ds.types import Frame
 

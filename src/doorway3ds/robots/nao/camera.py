@@ -14,9 +14,9 @@ from typing import Any
 
 from doorway3ds.camera.model import Pose
 from doorway3ds.errors import CallError, UserError
-from doorway3ds.robots import naoformat
 from doorway3ds.robots.base import RobotError
-from doorway3ds.robots.naoqi import Naoqi, address
+from doorway3ds.robots.nao import format as naoformat
+from doorway3ds.robots.nao.session import Naoqi, address
 from doorway3ds.sources.base import Shot, Source, View
 from doorway3ds.sources.live import LiveSource
 from doorway3ds.sources.uri import query

@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from doorway3ds.filters import Belief
-from doorway3ds.track import Track, TrackerParams
+from doorway3ds.live.filters import Belief
+from doorway3ds.live.track import Track, TrackerParams
 from doorway3ds.types import Decision, Opening, Reason, Selection
 
 

@@ -15,7 +15,7 @@ from typing import Protocol
 
 from doorway3ds.errors import UserError
 from doorway3ds.robots.base import HALTING, Driver, Refused, RobotLost, TurnEnd, TurnResult
-from doorway3ds.runlog import RunLog
+from doorway3ds.robots.runlog import RunLog
 from doorway3ds.types import Decision, Frame, Reason
 
 

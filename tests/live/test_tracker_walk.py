@@ -10,7 +10,7 @@ import pytest
 from doorway3ds.camera.presets import preset
 from doorway3ds.decide.gates import decide
 from doorway3ds.decide.opening import columns_from_spans, select_opening
-from doorway3ds.tracker import Tracker
+from doorway3ds.live.tracker import Tracker
 from doorway3ds.types import Decision, Perception, Reason
 from tests.raycast import Box, Room, render
 

@@ -15,7 +15,7 @@ import pytest
 
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.robots.base import RobotError, RobotLost, TurnEnd
-from doorway3ds.robots.naoqi import Naoqi, address
+from doorway3ds.robots.nao.session import Naoqi, address
 from doorway3ds.sim.body import Body, Gait
 from doorway3ds.sim.nao import Faults
 from doorway3ds.sources import SourceLost, open_source
@@ -27,7 +27,7 @@ SLOW = Gait(speed_deg_s=15.0, ramp_s=0.0)
 
 def robot_at(where: str, **options: Any) -> Any:
     pytest.importorskip("qi")
-    from doorway3ds.robots.nao import NaoRobot
+    from doorway3ds.robots.nao.robot import NaoRobot
 
     return NaoRobot(f"nao://{where}", **options)
 
