@@ -1,4 +1,4 @@
-"""Pixel-Selection and Pixel2Angle of Othman & Rad 2020, under the name that their users look for."""
+"""Pixel-Selection and Pixel2Angle of Othman & Rad 2020, where their users look for them."""
 
 from doorway3ds.decide.paper import PixelSelection, pixel_to_angle, select_pixels
 

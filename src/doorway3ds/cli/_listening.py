@@ -16,8 +16,8 @@ import typer
 from doorway3ds.errors import CallError
 
 if TYPE_CHECKING:
-    from doorway3ds.server.shield import Shield
-    from doorway3ds.server.tls import Certificate
+    from doorway3ds.web.base.shield import Shield
+    from doorway3ds.web.base.tls import Certificate
 
 TOKEN_VARIABLE = "DOORWAY3DS_TOKEN"
 _TOKEN = re.compile(r"[A-Za-z0-9._~-]{8,256}")
@@ -58,12 +58,12 @@ class ListenOptions:
         Raises CallError for options that do not go together, UserError where the address is
         taken.
         """
-        from doorway3ds.server.settings import is_loopback
+        from doorway3ds.web.serve.settings import is_loopback
 
         token = _token(self.token, self.host, is_loopback(self.host))
 
-        from doorway3ds.server.links import link
-        from doorway3ds.server.run import listen
+        from doorway3ds.web.base.links import link
+        from doorway3ds.web.base.run import listen
 
         tls = self.tls or self.tls_cert is not None or self.tls_key is not None
         certificate = _certificate(self.tls_cert, self.tls_key, self.tls_name) if tls else None
@@ -87,8 +87,8 @@ class Listening:
 
     def serve(self, app: Shield, doing: str) -> None:
         """Answers until Ctrl-C or SIGTERM; `doing` begins the line that says so."""
-        from doorway3ds.server.links import qr_text
-        from doorway3ds.server.run import make_server
+        from doorway3ds.web.base.links import qr_text
+        from doorway3ds.web.base.run import make_server
 
         def ready() -> None:
             typer.echo(f"{doing} {self.shared or self.here}")
@@ -121,7 +121,7 @@ def _token(token: str | None, host: str, is_loopback: bool) -> str | None:
 
 
 def _certificate(chain: Path | None, key: Path | None, names: tuple[str, ...]) -> Certificate:
-    from doorway3ds.server import tls
+    from doorway3ds.web.base import tls
 
     if (chain is None) != (key is None):
         raise CallError("--tls-cert and --tls-key go together; give both or neither")

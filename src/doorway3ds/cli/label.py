@@ -21,7 +21,7 @@ from doorway3ds.cli._options import Camera, FovDeg, Network, Threads
 
 if TYPE_CHECKING:
     from doorway3ds.evaluate.datasets import FitCamera
-    from doorway3ds.label.pictures import Guesser
+    from doorway3ds.web.label.pictures import Guesser
 
 
 def label(
@@ -58,8 +58,8 @@ def label(
     """
     choice = CameraOptions(camera, fov_deg).resolve()
 
-    from doorway3ds.label.pictures import Pictures
-    from doorway3ds.label.table import Table
+    from doorway3ds.web.label.pictures import Pictures
+    from doorway3ds.web.label.table import Table
 
     if classes is not None:
         _export(folder, classes)
@@ -75,7 +75,7 @@ def label(
 
     import cv2
 
-    from doorway3ds.label.app import create_label_app, label_settings
+    from doorway3ds.web.label.app import create_label_app, label_settings
 
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     names = tuple(tls_name or ())
@@ -93,7 +93,7 @@ def label(
 def _guesser(folder: Path, network: str, threads: int | None, fit: FitCamera | None) -> Guesser:
     from doorway3ds.cli._pipeline import build_pipeline
     from doorway3ds.evaluate.readers import folder_camera
-    from doorway3ds.label.guess import guesser
+    from doorway3ds.web.label.guess import guesser
 
     pipeline = build_pipeline("opening", network, None, None, threads)
     return guesser(pipeline, fit or folder_camera(folder))
@@ -101,9 +101,9 @@ def _guesser(folder: Path, network: str, threads: int | None, fit: FitCamera | N
 
 def _export(folder: Path, out: Path) -> None:
     from doorway3ds.errors import UserError
-    from doorway3ds.label.classes import export_classes
-    from doorway3ds.label.pictures import Pictures
-    from doorway3ds.label.table import Table
+    from doorway3ds.web.label.classes import export_classes
+    from doorway3ds.web.label.pictures import Pictures
+    from doorway3ds.web.label.table import Table
 
     table = Table(folder)
     states = table.states()

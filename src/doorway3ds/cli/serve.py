@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from doorway3ds.cli._camera import CameraChoice
-    from doorway3ds.server.settings import Settings
     from doorway3ds.sources import Source
+    from doorway3ds.web.serve.settings import Settings
 
 
 def serve(
@@ -91,8 +91,8 @@ def serve(
 
     import cv2
 
-    from doorway3ds.server.app import create_app
-    from doorway3ds.server.settings import Limits, Settings
+    from doorway3ds.web.serve.app import create_app
+    from doorway3ds.web.serve.settings import Limits, Settings
 
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     settings = Settings(

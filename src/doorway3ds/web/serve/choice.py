@@ -1,0 +1,227 @@
+"""From a request's fields to the pipeline and the camera that answer it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from doorway3ds.camera.choice import default_camera
+from doorway3ds.camera.model import Camera, Pose
+from doorway3ds.camera.presets import PRESETS, preset
+from doorway3ds.decide.gates import Gates
+from doorway3ds.decide.opening import OpeningParams
+from doorway3ds.decide.pipeline import NEEDS, Method, Pipeline
+from doorway3ds.networks.base import DEPTH, RELATIVE, Joined, Network, together
+from doorway3ds.networks.registry import MODELS, load
+from doorway3ds.sources.base import CameraFor
+from doorway3ds.web.base.errors import ApiError
+from doorway3ds.web.serve.settings import Settings
+
+AUTO = "auto"
+_CACHED = 16  # pipelines are small; what is large, the networks, is shared between them
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class Fields(BaseModel):
+    """How to decide; each field is optional and has the meaning of the option of `3ds look`."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    method: Literal["opening", "paper"] | None = Field(
+        default=None, description="How a direction is selected.", examples=["opening"]
+    )
+    network: str | None = Field(
+        default=None,
+        max_length=120,
+        description="One of `networks` of /v1/info.",
+        examples=["doornet"],
+    )
+    camera: str | None = Field(
+        default=None,
+        max_length=64,
+        description="A preset, or `auto` for the EXIF focal length or 60.9 degrees. "
+        "Default: the server's camera. Not together with `fov_deg`.",
+        examples=["nao-v6-top"],
+    )
+    fov_deg: Number | None = Field(
+        default=None, ge=1, le=179, description="Horizontal field of view.", examples=[56.3]
+    )
+    height_m: Number | None = Field(
+        default=None, ge=0.01, le=10, description="Camera above the floor.", examples=[0.54]
+    )
+    pitch_deg: Number | None = Field(
+        default=None, ge=-90, le=90, description="Camera's pitch, + up.", examples=[-1.2]
+    )
+    roll_deg: Number | None = Field(
+        default=None, ge=-180, le=180, description="Camera's roll.", examples=[0.0]
+    )
+    width_m: Number | None = Field(
+        default=None, ge=0.01, le=5, description="Robot's width.", examples=[0.28]
+    )
+    max_unseen_m: Number | None = Field(
+        default=None,
+        ge=0,
+        le=100,
+        description="Abstain where the floor comes into view only beyond this distance.",
+        examples=[1.0],
+    )
+
+    @model_validator(mode="after")
+    def _one_field_of_view(self) -> Fields:
+        if self.camera is not None and self.fov_deg is not None:
+            raise ValueError("camera and fov_deg both say the field of view; give one of them")
+        if self.camera is not None and self.camera not in (AUTO, *PRESETS):
+            raise ValueError(f"camera must be {AUTO} or one of {', '.join(sorted(PRESETS))}")
+        return self
+
+
+class SourceFields(Fields):
+    """Fields of /v1/source, as JSON: a text is no number there, nor is `true`."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+
+class DecideFields(Fields):
+    """Fields of /v1/decide."""
+
+    name: str | None = Field(
+        default=None,
+        max_length=255,
+        description="Comes back as `image`. Default: the multipart file's name.",
+        examples=["hall.jpg"],
+    )
+    view: bool = Field(
+        default=False, description="Add `view`: the words and outlines that the page draws."
+    )
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """The camera of pictures that are still to come, and its pose."""
+
+    camera: CameraFor
+    pose: Pose
+
+    def fit(self, width: int, height: int, focal_35mm: float | None) -> Camera:
+        return self.camera(width, height, focal_35mm)
+
+
+def viewpoint(fields: Fields, settings: Settings) -> Viewpoint:
+    """Where a request's picture was taken from: its fields over the server's settings."""
+    camera, pose = settings.camera or default_camera, settings.pose
+    if fields.camera == AUTO:
+        # A given camera's pose goes with it; a pose given by itself is of whatever looks.
+        camera, pose = default_camera, Pose() if settings.camera else settings.pose
+    elif fields.camera is not None:
+        name = fields.camera
+
+        def from_preset(width: int, height: int, _: float | None) -> Camera:
+            return preset(name, width, height)[0]
+
+        camera, pose = from_preset, PRESETS[name][1]
+    elif fields.fov_deg is not None:
+        degrees = fields.fov_deg
+
+        def from_angle(width: int, height: int, _: float | None) -> Camera:
+            return Camera.from_fov(width, height, degrees, name=f"fov {degrees:g} deg")
+
+        camera = from_angle
+    given = {
+        name: value
+        for name in ("height_m", "pitch_deg", "roll_deg")
+        if (value := getattr(fields, name)) is not None
+    }
+    return Viewpoint(camera, replace(pose, **given))
+
+
+class Pipelines:
+    """The pipelines of one server; each network is opened once, when it is first asked for.
+
+    networks: the names that a request may ask for: those whose files are there.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._lock = threading.Lock()
+        self._loaded: dict[str, Network] = {}
+        self._made: dict[tuple[Any, ...], Pipeline] = {}
+        self.networks = tuple(dict.fromkeys([settings.network, *_available()]))
+        self.get(Fields())
+
+    def get(self, fields: Fields) -> Pipeline:
+        """The pipeline that a request asks for.
+
+        Raises ApiError for a network that is not there, UserError where its file is damaged.
+        """
+        settings = self._settings
+        name = fields.network or settings.network
+        if name not in self.networks:
+            raise ApiError(
+                422, "unknown_network", f"network must be one of {', '.join(self.networks)}"
+            )
+        method: Method = "paper" if (fields.method or settings.method) == "paper" else "opening"
+        width_m = settings.width_m if fields.width_m is None else fields.width_m
+        unseen_m = settings.max_unseen_m if fields.max_unseen_m is None else fields.max_unseen_m
+        key = (name, method, width_m, unseen_m)
+        with self._lock:
+            if key not in self._made:
+                while len(self._made) >= _CACHED:
+                    del self._made[next(iter(self._made))]
+                self._made[key] = self._make(name, method, width_m, unseen_m)
+            return self._made[key]
+
+    def _make(
+        self, name: str, method: Method, width_m: float | None, unseen_m: float | None
+    ) -> Pipeline:
+        network = self._network(name)
+        lacking = [need for need in NEEDS[method] if need not in network.gives]
+        if lacking:
+            raise ApiError(
+                422,
+                "unfit_network",
+                f"method {method} needs {', '.join(lacking)}, which network {name} does not give",
+            )
+        pipeline = Pipeline(network, method, gates=Gates(max_unseen_m=unseen_m))
+        if width_m is None:
+            return pipeline
+        params = pipeline.params or OpeningParams()
+        clearance = replace(params.clearance, width_m=width_m)
+        return replace(pipeline, params=replace(params, clearance=clearance))
+
+    def _network(self, name: str) -> Network:
+        parts = []
+        for part in name.split("+"):
+            if part not in self._loaded:
+                self._loaded[part] = load(part, threads=self._settings.threads)
+            parts.append(self._loaded[part])
+        return parts[0] if len(parts) == 1 else Joined(parts)
+
+    def methods(self, name: str) -> list[Method]:
+        """The methods that network `name` can be used with, by what the registry says of it."""
+        parts = name.split("+")
+        if not all(part in MODELS for part in parts):
+            gives = self._network(name).gives
+        else:
+            gives = together([frozenset(MODELS[part].gives) for part in parts])
+        return [method for method, needs in NEEDS.items() if gives.issuperset(needs)]
+
+
+def _available() -> Iterator[str]:
+    """Networks, and pairs of them, whose files are there and that some method can use."""
+    there = {m.name: frozenset(m.gives) for m in MODELS.values() if m.found() is not None}
+    groups = [[name] for name in there]
+    groups += [[a, b] for a in there for b in there if a != b]
+    for group in groups:
+        parts = [there[name] for name in group]
+        gives = together(parts)
+        # The first of a pair must have something that the second does not replace.
+        kinds = [{DEPTH if kind == RELATIVE else kind for kind in part} for part in parts]
+        if any(gives.issuperset(needs) for needs in NEEDS.values()) and (
+            len(group) == 1 or not kinds[1].issuperset(kinds[0])
+        ):
+            yield "+".join(group)

@@ -1,0 +1,281 @@
+"""The server's own source: a thread that decides on the newest frame, and who waits for it."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.decide.pipeline import Pipeline
+from doorway3ds.draw import annotate, overlay
+from doorway3ds.errors import UserError
+from doorway3ds.live.feed import Feed
+from doorway3ds.live.tracker import Tracked, Tracker
+from doorway3ds.sources.base import Source, SourceLost
+from doorway3ds.types import Decision, Frame, Perception, Reason
+from doorway3ds.web.base.metrics import Metrics
+from doorway3ds.web.serve.choice import Fields, Pipelines, Viewpoint, viewpoint
+from doorway3ds.web.serve.settings import Settings
+from doorway3ds.web.serve.view import view_of
+
+State = Literal["starting", "running", "waiting", "ended", "lost", "stopped"]
+Style = Literal["overlay", "plain", "page"]
+_KEPT = 6  # frames whose pictures a client that reads events may still ask for
+_RATE_S = 2.0  # over which frames a second are averaged
+_WAIT_S = 0.5  # for a frame, before the state says that none comes
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class _Setup:
+    """By what is decided, as one value: another thread may put a new one in its place."""
+
+    pipeline: Pipeline
+    viewpoint: Viewpoint | None
+    tracker: Tracker
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """A frame, what the network saw in it, and by what to decide."""
+
+    frame: Frame
+    perception: Perception
+    setup: _Setup
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """One decision of the source, alone and with memory; pictures of it are made on demand."""
+
+    number: int
+    decision: Decision
+    tracked: Tracked
+    frames_per_s: float
+    _made: dict[str, Any] = field(default_factory=dict)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def to_dict(self, view: bool = False) -> dict[str, Any]:
+        """The decision's JSON with `frame`, `frames_per_s` and what the tracker makes of it."""
+        answer = self.decision.to_dict()
+        answer["frame"] = self.number
+        answer["stamp_s"] = self.decision.frame.stamp_s
+        answer["frames_per_s"] = round(self.frames_per_s, 2)
+        answer["tracked"] = self.tracked.to_dict()
+        if view:
+            answer["view"] = self._once("view", lambda: view_of(self.tracked.decision))
+        return answer
+
+    def jpeg(self, style: Style) -> bytes:
+        """The picture with its marks, as it came, or the whole annotated page."""
+        draw: dict[Style, Callable[[], NDArray[np.uint8]]] = {
+            "overlay": lambda: overlay(self.tracked.decision),
+            "plain": lambda: self.decision.frame.image,
+            "page": lambda: annotate(self.tracked.decision),
+        }
+        picture: bytes = self._once(style, lambda: encode_jpeg(draw[style]()))
+        return picture
+
+    def _once(self, key: str, make: Callable[[], Any]) -> Any:
+        with self._lock:
+            if key not in self._made:
+                self._made[key] = make()
+            return self._made[key]
+
+
+def encode_jpeg(image: NDArray[np.uint8], quality: int = 88) -> bytes:
+    """(H, W, 3) uint8 RGB as a JPEG file."""
+    done, data = cv2.imencode(
+        ".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, quality]
+    )
+    if not done:
+        raise UserError(f"an image of shape {image.shape} cannot be written as a JPEG")
+    return data.tobytes()
+
+
+class Live:
+    """Reads a source in threads of its own for as long as the server runs.
+
+    name: the source as the user may see it. state: what it does now; `problem` says why in words.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        start: Callable[[], Source],
+        pipelines: Pipelines,
+        settings: Settings,
+        metrics: Metrics,
+    ) -> None:
+        self.name = name
+        self.state: State = "starting"
+        self.problem: str | None = None
+        self.fields = Fields()
+        self._start = start
+        self._pipelines = pipelines
+        self._settings = settings
+        self._metrics = metrics
+        self._setup = _Setup(pipelines.get(self.fields), None, Tracker())
+        self._ring: OrderedDict[int, Snapshot] = OrderedDict()
+        self._count = 0
+        self._rate = 0.0
+        self._source: Source | None = None
+        self._stopping = threading.Event()
+        self._released = False
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._changed: asyncio.Event | None = None
+        self._thread = threading.Thread(target=self._run, name="live", daemon=True)
+
+    def start(self) -> None:
+        """Begins to read; call it in the event loop that will wait for frames."""
+        self._loop = asyncio.get_running_loop()
+        self._changed = asyncio.Event()
+        self._thread.start()
+
+    def release(self) -> None:
+        """Lets nobody wait any longer."""
+        self._released = True
+        self._wake()
+
+    def stop(self) -> None:
+        """Ends the thread and wakes everybody who waits."""
+        self._stopping.set()
+        if self._source is not None:
+            self._source.close()
+        self._thread.join(timeout=5)
+        self._enter("stopped", None)
+
+    def use(self, fields: Fields) -> None:
+        """Decides by other settings from the next frame on.
+
+        Raises ApiError or UserError where they cannot be used; the old ones then stay.
+        """
+        pipeline = self._pipelines.get(fields)
+        given = fields.model_dump(exclude_none=True)
+        posed = {"camera", "fov_deg", "height_m", "pitch_deg", "roll_deg"} & set(given)
+        view = viewpoint(fields, self._settings) if posed else None
+        self._setup, self.fields = _Setup(pipeline, view, Tracker()), fields
+
+    @property
+    def skipped(self) -> int:
+        return 0 if self._source is None else self._source.skipped
+
+    @property
+    def frames(self) -> int:
+        return self._count
+
+    @property
+    def newest(self) -> Snapshot | None:
+        return self.get(self._count)
+
+    def get(self, number: int) -> Snapshot | None:
+        """The snapshot of that number, if it is still kept."""
+        return self._ring.get(number)
+
+    async def change(self, seen: tuple[int, str], timeout_s: float) -> bool:
+        """Waits until number of frames or state are others than `seen`; False after `timeout_s`."""
+        if self._changed is None:
+            raise RuntimeError("the source was not started")
+        end = time.monotonic() + timeout_s
+        while (self._count, self.state) == seen and not self._released:
+            left = end - time.monotonic()
+            if left <= 0:
+                return False
+            try:
+                await asyncio.wait_for(self._changed.wait(), left)
+            except TimeoutError:
+                return False
+        return True
+
+    def _run(self) -> None:
+        try:
+            with self._start() as source, Feed(source, self._see) as feed:
+                self._source = source
+                last = time.monotonic()
+                while not feed.ended and not self._stopping.is_set():
+                    try:
+                        seen = feed.read(_WAIT_S)
+                        if seen is None:
+                            if feed.silent and not feed.ended:
+                                self._miss(source)
+                            continue
+                        now = time.monotonic()
+                        self._measure(now - last)
+                        last = now
+                        self._keep(self._decide(seen))
+                        self._enter("running", None)
+                    except SourceLost:
+                        raise
+                    except UserError as error:  # of this picture alone
+                        self._enter("waiting", str(error))
+                self._enter("ended", f"{self.name} has ended")
+        except UserError as error:
+            self._lose()
+            self._enter("lost", str(error))
+        except Exception:
+            # The page must say so: a thread that dies in silence looks like a door that stands.
+            log.exception("the source's thread failed")
+            self._lose()
+            self._enter("lost", "the server failed on a picture; see its log")
+
+    def _measure(self, gap_s: float) -> None:
+        weight = min(1.0, gap_s / _RATE_S)
+        self._rate += weight * (1.0 / max(gap_s, 1e-3) - self._rate)
+
+    def _see(self, frame: Frame, _: str) -> _Seen:
+        """The network's part, in the feed's thread."""
+        setup = self._setup
+        if setup.viewpoint is not None:
+            camera = setup.viewpoint.fit(frame.camera.width, frame.camera.height, None)
+            frame = replace(frame, camera=camera, pose=setup.viewpoint.pose)
+        return _Seen(frame, setup.pipeline.perceive(frame), setup)
+
+    def _decide(self, seen: _Seen) -> Snapshot:
+        decision = seen.setup.pipeline.conclude(seen.frame, seen.perception)
+        self._metrics.count(
+            "doorway3ds_decisions_total", origin="source", reason=str(decision.reason)
+        )
+        for stage, spent in decision.timings_ms.items():
+            self._metrics.observe("doorway3ds_stage_seconds", spent / 1e3, stage=stage)
+        tracked = seen.setup.tracker.update(decision)
+        return Snapshot(self._count + 1, decision, tracked, self._rate)
+
+    def _miss(self, source: Source) -> None:
+        """No picture came in time: what was seen last must not stand for long."""
+        newest = self.newest
+        if source.live and newest is not None and newest.decision.reason is not Reason.LOST:
+            tracked = self._setup.tracker.without_picture(time.monotonic())
+            if tracked is not None and tracked.decision.reason is Reason.LOST:
+                self._keep(Snapshot(self._count + 1, tracked.decision, tracked, 0.0))
+        self._enter("waiting", source.problem or "no picture comes")
+
+    def _lose(self) -> None:
+        """No further picture will come, though it should."""
+        tracked = self._setup.tracker.without_picture(float("inf"))
+        if tracked is not None:
+            self._keep(Snapshot(self._count + 1, tracked.decision, tracked, 0.0))
+
+    def _keep(self, snapshot: Snapshot) -> None:
+        self._ring[snapshot.number] = snapshot
+        self._count = snapshot.number
+        self._ring.pop(snapshot.number - _KEPT, None)
+
+    def _enter(self, state: State, problem: str | None) -> None:
+        self.state, self.problem = state, problem
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._wake)
+
+    def _wake(self) -> None:
+        if self._changed is not None:
+            self._changed.set()
+            self._changed.clear()

@@ -1,0 +1,285 @@
+"""The routes of the live page and the API."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from collections.abc import AsyncIterator, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Body, Depends, Query, Request, Response
+from fastapi.responses import StreamingResponse
+
+from doorway3ds import __version__
+from doorway3ds.camera.presets import PRESETS
+from doorway3ds.decide.pipeline import NEEDS
+from doorway3ds.draw import annotate
+from doorway3ds.images.codec import read_image
+from doorway3ds.types import Decision, Frame
+from doorway3ds.web.base.errors import ApiError, busy
+from doorway3ds.web.base.front import json_answer
+from doorway3ds.web.serve import schemas
+from doorway3ds.web.serve.body import Upload, read_upload
+from doorway3ds.web.serve.choice import DecideFields, SourceFields, viewpoint
+from doorway3ds.web.serve.hall import Hall, hall_of
+from doorway3ds.web.serve.live import Live, Snapshot, encode_jpeg
+from doorway3ds.web.serve.view import view_of
+
+router = APIRouter()
+SharedHall = Annotated[Hall, Depends(hall_of)]
+_ALWAYS = (401, 403)
+_BEAT_S = 10.0  # between signs of life on a stream without news
+
+
+@router.post(
+    "/v1/decide",
+    response_model=schemas.DecisionAnswer,
+    responses=schemas.errors(400, *_ALWAYS, 408, 413, 415, 422, 429, 500, 503),
+    openapi_extra=schemas.upload_body(),
+    summary="Decide on one picture",
+)
+async def decide(
+    request: Request, hall: SharedHall, fields: Annotated[DecideFields, Query()]
+) -> Response:
+    """Send the picture's bytes with the fields in the query, or multipart/form-data with the part
+    `image` and the fields as parts (a part outranks the query). The picture is not kept."""
+    upload, decision = await _decide(request, hall, fields)
+    answer = {"image": upload.name, **decision.to_dict()}
+    if upload.fields.view:
+        answer["view"] = await asyncio.to_thread(view_of, decision)
+    return json_answer(answer)
+
+
+@router.post(
+    "/v1/annotate",
+    response_class=Response,
+    responses={
+        **schemas.errors(400, *_ALWAYS, 408, 413, 415, 422, 429, 500, 503),
+        200: {"content": {"image/jpeg": {}}, "description": "The annotated picture."},
+    },
+    openapi_extra=schemas.upload_body(),
+    summary="Draw the decision on one picture",
+)
+async def draw(
+    request: Request, hall: SharedHall, fields: Annotated[DecideFields, Query()]
+) -> Response:
+    """Takes what /v1/decide takes; gives the annotated page as a JPEG."""
+    _, decision = await _decide(request, hall, fields)
+    picture = await hall.work.run(lambda: encode_jpeg(annotate(decision)), _hang_up(request))
+    return Response(picture, media_type="image/jpeg")
+
+
+async def _decide(request: Request, hall: Hall, fields: DecideFields) -> tuple[Upload, Decision]:
+    with _counted(hall, "uploads"):
+        upload = await read_upload(request, fields)
+    decision = await hall.work.run(lambda: _look(upload, hall), _hang_up(request))
+    hall.metrics.count("doorway3ds_decisions_total", origin="request", reason=str(decision.reason))
+    for stage, spent in decision.timings_ms.items():
+        hall.metrics.observe("doorway3ds_stage_seconds", spent / 1e3, stage=stage)
+    return upload, decision
+
+
+def _look(upload: Upload, hall: Hall) -> Decision:
+    pipeline = hall.pipelines.get(upload.fields)
+    start = time.perf_counter()
+    picture = read_image(upload.data, name="the image", max_pixels=hall.settings.limits.max_pixels)
+    decoded = (time.perf_counter() - start) * 1e3
+    height, width = picture.image.shape[:2]
+    place = viewpoint(upload.fields, hall.settings)
+    camera = place.fit(width, height, picture.focal_35mm)
+    decision = pipeline.decide(Frame(picture.image, camera, place.pose))
+    return replace(decision, timings_ms={"decode": decoded, **decision.timings_ms})
+
+
+def _hang_up(request: Request) -> Any:
+    async def gone() -> None:
+        while (await request.receive())["type"] != "http.disconnect":
+            pass
+
+    return gone
+
+
+@contextmanager
+def _counted(hall: Hall, what: Literal["uploads", "streams"]) -> Iterator[None]:
+    """Holds one of the places for `what`; 429 where there is none."""
+    if getattr(hall, what) >= getattr(hall.settings.limits, what):
+        raise busy(what, 1 if what == "uploads" else 10)
+    setattr(hall, what, getattr(hall, what) + 1)
+    try:
+        yield
+    finally:
+        setattr(hall, what, getattr(hall, what) - 1)
+
+
+def _live(hall: Hall) -> Live:
+    if hall.live is None:
+        raise ApiError(404, "no_source", "this server has no source; start it as: 3ds serve SOURCE")
+    return hall.live
+
+
+@router.get(
+    "/v1/stream",
+    response_class=StreamingResponse,
+    responses={
+        **schemas.errors(*_ALWAYS, 404, 422, 429),
+        200: {
+            "content": {"text/event-stream": {"schema": {"type": "string"}}},
+            "description": "Events `decision` (data: the decision's JSON) and `source` (data: the "
+            "source's state).",
+        },
+    },
+    summary="Follow the server's source",
+)
+async def stream(
+    hall: SharedHall,
+    view: Annotated[bool, Query(description="Add `view`, as in /v1/decide.")] = False,
+    max_hz: Annotated[float, Query(gt=0, le=60, description="Decisions a second at most.")] = 30,
+) -> Response:
+    """Server-sent events. A client that reads slowly misses decisions; none comes late."""
+    live = _live(hall)
+    if hall.streams >= hall.settings.limits.streams:
+        raise busy("streams", 10)
+
+    async def events() -> AsyncIterator[bytes]:
+        seen: tuple[int, str] = (-1, "")
+        with _counted(hall, "streams"):
+            yield b"retry: 2000\n\n"
+            while not hall.closing.is_set():
+                now = (live.frames, live.state)
+                if now[1] != seen[1]:
+                    yield _event("source", _source(live))
+                newest = live.newest
+                if newest is not None and newest.number > seen[0]:
+                    now = (newest.number, now[1])
+                    data = await asyncio.to_thread(newest.to_dict, view)
+                    yield _event("decision", data, newest.number)
+                    await _rest(hall, 1 / max_hz)
+                seen = now
+                if not await live.change(seen, _BEAT_S):
+                    yield b": still here\n\n"
+
+    headers = {"X-Accel-Buffering": "no"}
+    return StreamingResponse(events(), media_type="text/event-stream", headers=headers)
+
+
+async def _rest(hall: Hall, seconds: float) -> None:
+    try:
+        await asyncio.wait_for(hall.closing.wait(), seconds)
+    except TimeoutError:
+        return
+
+
+def _event(kind: str, data: Any, number: int | None = None) -> bytes:
+    head = f"event: {kind}\n" + (f"id: {number}\n" if number is not None else "")
+    return f"{head}data: {json.dumps(data, allow_nan=False)}\n\n".encode()
+
+
+def _snapshot(live: Live, frame: int | None) -> Snapshot:
+    snapshot = live.newest if frame is None else live.get(frame) or live.newest
+    if snapshot is None:
+        raise ApiError(
+            503,
+            "no_frame",
+            f"the source gave no picture yet{f': {live.problem}' if live.problem else ''}",
+            {"Retry-After": "1"},
+        )
+    return snapshot
+
+
+@router.get(
+    "/v1/frame.jpg",
+    response_class=Response,
+    responses={
+        **schemas.errors(*_ALWAYS, 404, 422, 429, 503),
+        200: {"content": {"image/jpeg": {}}, "description": "X-Frame is the frame's number."},
+    },
+    summary="The source's newest picture",
+)
+async def frame_jpg(
+    request: Request,
+    hall: SharedHall,
+    style: Annotated[
+        Literal["overlay", "plain", "page"],
+        Query(description="With its marks, as it came, or the whole annotated page."),
+    ] = "overlay",
+    frame: Annotated[
+        int | None, Query(ge=0, description="The frame of an event, while it is kept.")
+    ] = None,
+) -> Response:
+    snapshot = _snapshot(_live(hall), frame)
+    data = await hall.work.run(lambda: snapshot.jpeg(style), _hang_up(request))
+    return Response(data, media_type="image/jpeg", headers={"X-Frame": str(snapshot.number)})
+
+
+@router.get(
+    "/v1/decision",
+    response_model=schemas.DecisionAnswer,
+    responses=schemas.errors(*_ALWAYS, 404, 503),
+    summary="The source's newest decision",
+)
+async def newest_decision(hall: SharedHall) -> Response:
+    """For programs that ask when they need to know; those that follow use /v1/stream."""
+    live = _live(hall)
+    return json_answer({"image": live.name, **_snapshot(live, None).to_dict()})
+
+
+@router.put(
+    "/v1/source",
+    response_model=schemas.SourceAnswer,
+    responses=schemas.errors(400, *_ALWAYS, 404, 408, 413, 422),
+    summary="Decide on the source by other settings",
+)
+async def change_source(hall: SharedHall, fields: Annotated[SourceFields, Body()]) -> Response:
+    """All settings at once; those left out are the server's own. Everybody who follows the source
+    sees the change."""
+    live = _live(hall)
+    await asyncio.to_thread(live.use, fields)
+    return json_answer(_source(live))
+
+
+def _source(live: Live) -> dict[str, Any]:
+    return {
+        "name": live.name,
+        "state": live.state,
+        "problem": live.problem,
+        "frames": live.frames,
+        "skipped": live.skipped,
+        "fields": live.fields.model_dump(exclude_none=True),
+    }
+
+
+@router.get(
+    "/v1/info",
+    response_model=schemas.InfoAnswer,
+    responses=schemas.errors(*_ALWAYS),
+    summary="What this server can do",
+)
+async def info(hall: SharedHall) -> Response:
+    settings, limits = hall.settings, hall.settings.limits
+    return json_answer(
+        {
+            "version": __version__,
+            "method": settings.method,
+            "network": settings.network,
+            "methods": list(NEEDS),
+            "networks": [
+                {"name": name, "methods": hall.pipelines.methods(name)}
+                for name in hall.pipelines.networks
+            ],
+            "cameras": [
+                {"name": name, "hfov_deg": camera.hfov_deg, "vfov_deg": camera.vfov_deg}
+                for name, (camera, _) in PRESETS.items()
+            ],
+            "camera_given": settings.camera is not None,
+            "limits": {
+                "max_bytes": limits.max_bytes,
+                "max_pixels": limits.max_pixels,
+                "in_flight": limits.in_flight,
+            },
+            "source": _source(hall.live) if hall.live else None,
+            "link": settings.link,
+        }
+    )

@@ -1,0 +1,207 @@
+"""The API's answers as OpenAPI describes them; `Decision.to_dict` makes them."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from doorway3ds.web.serve.choice import DecideFields
+
+EXAMPLE: dict[str, Any] = {
+    "image": "hall.jpg",
+    "method": "opening",
+    "network": "doornet",
+    "camera": {"name": "nao-v6-top", "assumed": False},
+    "p_open": 0.94,
+    "open": True,
+    "reason": "turn",
+    "turn_deg": 12.4,
+    "bearing_deg": 12.4,
+    "range_m": 2.8,
+    "clear": True,
+    "floor_from_m": 0.9,
+    "look": None,
+    "openings": [
+        {
+            "left_deg": 20.1,
+            "right_deg": 4.6,
+            "bearing_deg": 12.4,
+            "range_m": 2.8,
+            "score": 0.91,
+            "cut": None,
+        }
+    ],
+    "pixel": [241, 190],
+    "timings_ms": {
+        "decode": 3.1,
+        "prepare": 0.6,
+        "network": 8.2,
+        "selection": 1.6,
+        "decision": 0.01,
+    },
+}
+
+
+class CameraAnswer(BaseModel):
+    name: str
+    assumed: bool = Field(description="Neither given nor calibrated.")
+
+
+class OpeningAnswer(BaseModel):
+    left_deg: float
+    right_deg: float
+    bearing_deg: float
+    range_m: float | None
+    score: float
+    cut: Literal["left", "right", "both"] | None
+
+
+class DecisionAnswer(BaseModel):
+    """What `3ds look --json` prints; docs/architecture.md says what each key means."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
+
+    image: str | None = Field(description="The picture's name as it was given.")
+    method: Literal["opening", "paper"]
+    network: str
+    camera: CameraAnswer
+    p_open: float = Field(description="Calibrated probability of an open doorway.")
+    open: bool
+    reason: Literal["no_door", "blocked", "unsure", "aligned", "turn", "lost"]
+    turn_deg: float | None = Field(description="What to turn by, + left; null: do not turn.")
+    bearing_deg: float | None
+    range_m: float | None
+    clear: bool | None
+    floor_from_m: float | None
+    look: Literal["left", "right"] | None
+    openings: list[OpeningAnswer]
+    pixel: list[int] | None = Field(description="[row, column] aimed at.")
+    timings_ms: dict[str, float]
+    max_pixel: list[int] | None = Field(default=None, description="Only with method paper.")
+    best_pixel: list[int] | None = Field(default=None, description="Only with method paper.")
+    trigger_pixel: list[int] | None = Field(default=None, description="Only with method paper.")
+    max_depth: float | None = Field(default=None, description="Only with method paper; 1.0 = 10 m.")
+    best_depth: float | None = Field(
+        default=None, description="Only with method paper; 1.0 = 10 m."
+    )
+    view: dict[str, Any] | None = Field(
+        default=None, description="Only where `view` was asked for."
+    )
+
+
+class ErrorDetail(BaseModel):
+    status: int
+    code: str = Field(description="For programs.")
+    message: str = Field(description="One line for people.")
+
+
+class ErrorAnswer(BaseModel):
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "error": {
+                        "status": 429,
+                        "code": "busy",
+                        "message": "too many decisions at once; try again in 1 s",
+                    }
+                }
+            ]
+        }
+    )
+
+    error: ErrorDetail
+
+
+class NetworkAnswer(BaseModel):
+    name: str
+    methods: list[str]
+
+
+class PresetAnswer(BaseModel):
+    name: str
+    hfov_deg: float
+    vfov_deg: float
+
+
+class SourceAnswer(BaseModel):
+    name: str
+    state: Literal["starting", "running", "waiting", "ended", "lost", "stopped"]
+    problem: str | None
+    frames: int
+    skipped: int
+    fields: dict[str, Any] = Field(description="Its settings, where they are not the server's.")
+
+
+class HealthAnswer(BaseModel):
+    status: Literal["ok", "degraded"] = Field(
+        description="degraded: the server answers, its source gives no pictures."
+    )
+    version: str
+    in_flight: int
+    source: Literal["starting", "running", "waiting", "ended", "lost", "stopped"] | None
+
+
+class InfoAnswer(BaseModel):
+    version: str
+    method: str
+    network: str
+    methods: list[str]
+    networks: list[NetworkAnswer]
+    cameras: list[PresetAnswer]
+    camera_given: bool = Field(description="The server was started with a camera.")
+    limits: dict[str, float]
+    source: SourceAnswer | None
+    link: str | None = Field(description="Where other devices reach the page, if they can.")
+
+
+_ERRORS = {
+    400: "No image, or one that cannot be read.",
+    401: "The token is missing or another.",
+    403: "Asked under another name, or from a page of another site.",
+    404: "There is nothing here.",
+    405: "Another method is expected here.",
+    408: "The body came too slowly.",
+    409: "Somebody else was first; nothing is changed.",
+    413: "The body is too large.",
+    415: "Neither an image nor multipart/form-data.",
+    422: "A field is wrong.",
+    429: "Too much at once; `Retry-After` says when to come back.",
+    500: "A bug; the server's log says more.",
+    503: "No answer in time.",
+}
+
+
+def errors(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """`responses` of a route for these statuses, each one JSON object."""
+    answers: dict[int | str, dict[str, Any]] = {
+        status: {"model": ErrorAnswer, "description": _ERRORS[status]} for status in statuses
+    }
+    for status in {429, 503} & set(statuses):
+        answers[status]["headers"] = {
+            "Retry-After": {
+                "description": "Seconds.",
+                "schema": {"type": "integer", "minimum": 1},
+            }
+        }
+    return answers
+
+
+def upload_body() -> dict[str, Any]:
+    """`openapi_extra` of the routes that take a picture."""
+    form = DecideFields.model_json_schema()
+    for name, field in form["properties"].items():
+        # A form's empty field is text, never null.
+        kinds = [kind for kind in field.pop("anyOf", []) if kind.get("type") != "null"]
+        if kinds:
+            form["properties"][name] = {**field, **kinds[0]}
+        form["properties"][name].pop("default", None)
+    form["properties"]["image"] = {"type": "string", "format": "binary"}
+    form["required"] = ["image"]
+    form["title"] = "Picture and fields"
+    binary = {"schema": {"type": "string", "format": "binary"}}
+    kinds_of_file = ("image/jpeg", "image/png", "application/octet-stream")
+    content: dict[str, Any] = dict.fromkeys(kinds_of_file, binary)
+    content["multipart/form-data"] = {"schema": form}
+    return {"requestBody": {"required": True, "content": content}}
