@@ -26,7 +26,7 @@ from urllib.parse import urlsplit
 import httpx
 from serve_load import resident_mb, serving
 
-from doorway3ds.benchmark import machine, made_up_film, made_up_jpeg
+from doorway3ds.lab.benchmark import machine, made_up_film, made_up_jpeg
 
 
 def main() -> None:

@@ -26,7 +26,7 @@ from pathlib import Path
 import httpx
 from rss import mb_per_hour, plot
 
-from doorway3ds.benchmark import machine, made_up_film, made_up_jpeg
+from doorway3ds.lab.benchmark import machine, made_up_film, made_up_jpeg
 
 RESULTS = Path(__file__).parent / "results"
 

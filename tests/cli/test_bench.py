@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from doorway3ds import benchmark
 from doorway3ds.errors import UserError
 from doorway3ds.images.codec import read_image
+from doorway3ds.lab import benchmark
 from tests import tinynets
 from tests.conftest import Cli
 

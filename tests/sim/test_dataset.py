@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from doorway3ds.evaluate.readers import read_dataset
+from doorway3ds.lab.datasets.readers import read_dataset
 from doorway3ds.sim import dataset
 from tests.conftest import Cli
 

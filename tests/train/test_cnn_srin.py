@@ -10,7 +10,7 @@ pytest.importorskip("torch")
 import torch
 
 from doorway3ds.errors import UserError
-from doorway3ds.evaluate.datasets import Sample
+from doorway3ds.lab.datasets.samples import Sample
 from doorway3ds.train import cnn_srin, engine
 from doorway3ds.train.cnn_srin import FeatureCache, Wanted
 from tests.train import keras1

@@ -18,11 +18,7 @@ keras = pytest.importorskip("keras")
 
 from doorway3ds.cli.main import run  # noqa: E402
 from doorway3ds.errors import UserError  # noqa: E402
-from doorway3ds.evaluate.direction import (  # noqa: E402
-    DirectionRecord,
-    PictureTruth,
-    TruthOpening,
-)
+from doorway3ds.lab.evaluate.direction import DirectionRecord, PictureTruth, TruthOpening
 from doorway3ds.train import qualifyscore  # noqa: E402
 from doorway3ds.train.augment import view  # noqa: E402
 from doorway3ds.train.doornet import DoorNetConfig, build_doornet  # noqa: E402
@@ -152,7 +148,7 @@ def test_near_copies_of_what_judges_are_not_replayed(tmp_path: Path) -> None:
         if number > 0:
             copy = cv2.resize(image[:, ::-1], (160, 120), interpolation=cv2.INTER_AREA)
             cv2.imwrite(str(tmp_path / "other" / "open-door" / f"{number}.jpg"), copy)
-    from doorway3ds.evaluate.readers import read_dataset
+    from doorway3ds.lab.datasets.readers import read_dataset
 
     judged = read_dataset(tmp_path / "site").samples
     samples, left_out = read_replay([tmp_path / "other"], judged)

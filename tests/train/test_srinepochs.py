@@ -10,8 +10,8 @@ import pytest
 
 pytest.importorskip("torch")
 pytest.importorskip("matplotlib")
+from doorway3ds.lab.datasets.doors import read_door_pictures
 from doorway3ds.train import engine
-from doorway3ds.train.doorpictures import read_door_pictures
 from doorway3ds.train.srinepochs import score_epochs
 from doorway3ds.train.srinrun import SrinOptions
 from tests.conftest import Cli

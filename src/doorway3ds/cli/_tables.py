@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from doorway3ds.evaluate.report import Table
+    from doorway3ds.lab.evaluate.report.html import Table
 
 
 def print_tables(console: Console, tables: Iterable[Table]) -> None:

@@ -54,9 +54,9 @@ def bench(
     require_range("--repeat", repeat, 3, 100_000)
     require_range("--starts", starts, 0, 1000)
 
-    from doorway3ds import benchmark
     from doorway3ds.files import write_bytes
     from doorway3ds.images.codec import read_image
+    from doorway3ds.lab import benchmark
 
     source = benchmark.made_up_jpeg() if image is None else image
     height, width = read_image(source).image.shape[:2]

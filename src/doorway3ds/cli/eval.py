@@ -19,9 +19,9 @@ from doorway3ds.cli._tables import print_tables
 from doorway3ds.errors import CallError
 
 if TYPE_CHECKING:
-    from doorway3ds.evaluate.datasets import Dataset, Sample
-    from doorway3ds.evaluate.report import Report, Table
-    from doorway3ds.evaluate.runners import DirectionRuns
+    from doorway3ds.lab.datasets.samples import Dataset, Sample
+    from doorway3ds.lab.evaluate.report.html import Report, Table
+    from doorway3ds.lab.evaluate.runners import DirectionRuns
     from doorway3ds.networks.base import Network
 
 app = typer.Typer(
@@ -118,8 +118,9 @@ def direction(
 
     --network none --truth-depth --method paper measures the paper's selection on true depth.
     """
-    from doorway3ds.evaluate import direction as scores
-    from doorway3ds.evaluate import kinds, pages, runners
+    from doorway3ds.lab.evaluate import direction as scores
+    from doorway3ds.lab.evaluate import kinds, runners
+    from doorway3ds.lab.evaluate.report import pages
     from doorway3ds.networks.mirrored import Mirrored
 
     dataset = _dataset(data, layout, places, CameraOptions(camera, fov_deg), min_confidence)
@@ -177,8 +178,9 @@ def classifier(
     json_file: Json = None,
 ) -> None:
     """p_open against open or not: accuracy, AUC, calibration, false alarms by kind."""
-    from doorway3ds.evaluate import classifier as scores
-    from doorway3ds.evaluate import pages, runners
+    from doorway3ds.lab.evaluate import classifier as scores
+    from doorway3ds.lab.evaluate import runners
+    from doorway3ds.lab.evaluate.report import pages
     from doorway3ds.networks.mirrored import Mirrored
 
     dataset = _dataset(data, layout, places, CameraOptions(camera, fov_deg), min_confidence)
@@ -223,8 +225,9 @@ def depth(
     json_file: Json = None,
 ) -> None:
     """delta1-3, AbsRel, RMSE and log10, over the whole picture and the Eigen crop."""
-    from doorway3ds.evaluate import depth as scores
-    from doorway3ds.evaluate import pages, runners
+    from doorway3ds.lab.evaluate import depth as scores
+    from doorway3ds.lab.evaluate import runners
+    from doorway3ds.lab.evaluate.report import pages
 
     dataset = _dataset(data, layout, places, CameraOptions(camera, fov_deg), 1)
     records: dict[runners.Protocol, list[scores.DepthRecord]] = {}
@@ -249,7 +252,8 @@ def depth(
 def _dataset(
     data: Path, layout: str | None, places: Path | None, options: CameraOptions, confidence: int
 ) -> Dataset:
-    from doorway3ds.evaluate import datasets, readers
+    from doorway3ds.lab.datasets import readers
+    from doorway3ds.lab.datasets import samples as datasets
 
     of_image = None if places is None else readers.read_places(places)
     dataset = datasets.at_least(readers.read_dataset(data, layout, of_image), confidence)
@@ -264,7 +268,7 @@ def _parts(
 ) -> Iterator[tuple[Dataset, int | None]]:
     """The selected samples, fold by fold where folds are asked for, with the fold from 1."""
     from doorway3ds.errors import UserError
-    from doorway3ds.evaluate import datasets
+    from doorway3ds.lab.datasets import samples as datasets
 
     if sum(option is not None for option in (split, folds, images)) > 1:
         raise CallError("--split, --folds and --images choose the pictures; give one of them")
@@ -310,7 +314,7 @@ def _write_answers(path: Path, runs: DirectionRuns) -> None:
 def _report(
     title: str, dataset: Dataset, left_out: dict[str, str], tables: Sequence[Table]
 ) -> Report:
-    from doorway3ds.evaluate.report import Report
+    from doorway3ds.lab.evaluate.report.html import Report
 
     facts = {
         "data": f"{dataset.path} ({dataset.layout})",
@@ -332,7 +336,7 @@ def _finish(
 ) -> None:
     from rich.console import Console
 
-    from doorway3ds.evaluate.report import write_json, write_report
+    from doorway3ds.lab.evaluate.report.html import write_json, write_report
 
     result = {**report.facts, **result}
     if out is not None:

@@ -20,7 +20,7 @@ from doorway3ds.cli._listening import (
 from doorway3ds.cli._options import Camera, FovDeg, Network, Threads
 
 if TYPE_CHECKING:
-    from doorway3ds.evaluate.datasets import FitCamera
+    from doorway3ds.lab.datasets.samples import FitCamera
     from doorway3ds.web.label.pictures import Guesser
 
 
@@ -92,7 +92,7 @@ def label(
 
 def _guesser(folder: Path, network: str, threads: int | None, fit: FitCamera | None) -> Guesser:
     from doorway3ds.cli._pipeline import build_pipeline
-    from doorway3ds.evaluate.readers import folder_camera
+    from doorway3ds.lab.datasets.readers import folder_camera
     from doorway3ds.web.label.guess import guesser
 
     pipeline = build_pipeline("opening", network, None, None, threads)

@@ -161,7 +161,7 @@ class _Brief(Watch):
 
 
 def _places(path: Path | None) -> dict[str, str] | None:
-    from doorway3ds.evaluate.readers import read_places
+    from doorway3ds.lab.datasets.readers import read_places
 
     return None if path is None else read_places(path)
 
@@ -169,7 +169,7 @@ def _places(path: Path | None) -> dict[str, str] | None:
 def _write_json(card: dict[str, object], path: Path | None) -> None:
     import json
 
-    from doorway3ds.evaluate.report import write_json
+    from doorway3ds.lab.evaluate.report.html import write_json
 
     if path is None:
         sys.stdout.write(json.dumps(card, allow_nan=False) + "\n")

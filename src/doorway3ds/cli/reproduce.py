@@ -30,9 +30,9 @@ from doorway3ds.cli._training import Count, Watch, command_line, say
 from doorway3ds.errors import CallError
 
 if TYPE_CHECKING:
-    from doorway3ds.evaluate.report import Report
-    from doorway3ds.evaluate.reproduce import Answer
-    from doorway3ds.train.doorpictures import DoorPictures
+    from doorway3ds.lab.datasets.doors import DoorPictures
+    from doorway3ds.lab.evaluate.paper.reproduce import Answer
+    from doorway3ds.lab.evaluate.report.html import Report
     from doorway3ds.train.srinepochs import EpochScores
     from doorway3ds.train.srinrun import SrinOptions
 
@@ -82,9 +82,9 @@ def reproduce(
 
         engine.start(threads)  # a missing extra is told before anything takes long
         outcome.require_plots()
-    from doorway3ds.evaluate import printed
-    from doorway3ds.evaluate import reproduce as tables
-    from doorway3ds.evaluate.report import Report
+    from doorway3ds.lab.evaluate.paper import printed
+    from doorway3ds.lab.evaluate.paper import reproduce as tables
+    from doorway3ds.lab.evaluate.report.html import Report
 
     rows = [tables.recompute(row) for row in printed.ROWS]
     facts = {
@@ -102,8 +102,8 @@ def reproduce(
     shown.append(tables.confusion_table(here))
     scored, curve = None, b""
     if dataset is not None and out is not None:
-        from doorway3ds.evaluate.readers import read_places
-        from doorway3ds.train.doorpictures import read_door_pictures
+        from doorway3ds.lab.datasets.doors import read_door_pictures
+        from doorway3ds.lab.datasets.readers import read_places
         from doorway3ds.train.srinrun import SrinOptions
 
         count = Count()
@@ -143,8 +143,8 @@ def _answers(
     folder: Path, network: str, options: CameraOptions, threads: int | None
 ) -> list[Answer]:
     from doorway3ds.cli._pipeline import build_pipeline
-    from doorway3ds.evaluate import printed
-    from doorway3ds.evaluate import reproduce as tables
+    from doorway3ds.lab.evaluate.paper import printed
+    from doorway3ds.lab.evaluate.paper import reproduce as tables
 
     if options == CameraOptions():
         options = CameraOptions(fov_deg=printed.FOV_DEG)
@@ -164,7 +164,7 @@ def _of_classes(found: DoorPictures) -> str:
 
 
 def _train(found: DoorPictures, options: SrinOptions, folder: Path) -> EpochScores:
-    from doorway3ds.evaluate import printed
+    from doorway3ds.lab.evaluate.paper import printed
     from doorway3ds.train.srinepochs import score_epochs
 
     say(_of_classes(found))
@@ -178,7 +178,7 @@ def _train(found: DoorPictures, options: SrinOptions, folder: Path) -> EpochScor
 def _show(report: Report, result: dict[str, Any], as_json: bool, out: Path | None) -> None:
     from rich.console import Console
 
-    from doorway3ds.evaluate.report import write_report
+    from doorway3ds.lab.evaluate.report.html import write_report
 
     result = {**report.facts, **result}
     if out is not None:

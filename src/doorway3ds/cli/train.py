@@ -91,7 +91,7 @@ def doornet(
     """Train doornet: p_open, opening columns, depth and floor in one network."""
     from dataclasses import replace
 
-    from doorway3ds.evaluate.datasets import parse_split
+    from doorway3ds.lab.datasets.samples import parse_split
     from doorway3ds.train import engine
     from doorway3ds.train.recipe import read_recipe
     from doorway3ds.train.run import Teachers, train_doornet
@@ -173,9 +173,9 @@ def cnn_srin(
     threads: TrainThreads = None,
 ) -> None:
     """Train the paper's classifier on pictures with and without an open doorway."""
-    from doorway3ds.evaluate.readers import read_places
+    from doorway3ds.lab.datasets.doors import read_door_pictures
+    from doorway3ds.lab.datasets.readers import read_places
     from doorway3ds.train import engine, outcome
-    from doorway3ds.train.doorpictures import read_door_pictures
     from doorway3ds.train.srinrun import SrinOptions, train_cnn_srin
 
     _require_precision(precision)

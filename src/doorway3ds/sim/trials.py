@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from doorway3ds.errors import UserError
-from doorway3ds.evaluate.intervals import Interval, paired_difference, wilson
 from doorway3ds.files import write_bytes
+from doorway3ds.lab.evaluate.intervals import Interval, paired_difference, wilson
 from doorway3ds.networks.base import Network
 from doorway3ds.sim.scenarios import SCENES
 from doorway3ds.sim.trial import Episode, Method, play

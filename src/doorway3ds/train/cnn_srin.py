@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.errors import UserError
-from doorway3ds.evaluate.datasets import Sample, load_frame
+from doorway3ds.lab.datasets.samples import Sample, load_frame
 from doorway3ds.networks.cnn_srin import SIDE, squeeze
 from doorway3ds.train import checkpoint
 from doorway3ds.train.engine import device_of, start

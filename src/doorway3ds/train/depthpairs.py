@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.errors import CallError, UserError
-from doorway3ds.evaluate.datasets import Sample, load_depth, load_frame
-from doorway3ds.evaluate.readers import read_dataset
 from doorway3ds.images.codec import SUFFIXES
-from doorway3ds.train import groups
+from doorway3ds.lab.datasets import places as groups
+from doorway3ds.lab.datasets.readers import read_dataset
+from doorway3ds.lab.datasets.samples import Sample, load_depth, load_frame
 from doorway3ds.train.densedepth import Setting
 
 INDEX_TRAIN, INDEX_TEST = "nyu2_train.csv", "nyu2_test.csv"

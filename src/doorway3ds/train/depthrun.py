@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.evaluate import depth as scores
-from doorway3ds.evaluate import pages
-from doorway3ds.evaluate.datasets import Sample, load_depth, load_frame
-from doorway3ds.evaluate.depth import DepthRecord
-from doorway3ds.evaluate.runners import Protocol
+from doorway3ds.lab.datasets import places as groups
+from doorway3ds.lab.datasets.samples import Sample, load_depth, load_frame
+from doorway3ds.lab.evaluate import depth as scores
+from doorway3ds.lab.evaluate.depth import DepthRecord
+from doorway3ds.lab.evaluate.report import pages
+from doorway3ds.lab.evaluate.runners import Protocol
 from doorway3ds.networks.cnn_srin import squeeze
-from doorway3ds.train import densedepth, groups, outcome
+from doorway3ds.train import densedepth, outcome
 from doorway3ds.train.calibrate import relative_depth_error
 from doorway3ds.train.densedepth import SETTINGS, Setting
 from doorway3ds.train.depthpairs import DepthPairs, split_pairs, target

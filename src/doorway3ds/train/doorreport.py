@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.evaluate import classifier, depth, pages, plots, sheets
-from doorway3ds.evaluate.classifier import ClassifierRecord
-from doorway3ds.evaluate.depth import DepthRecord
-from doorway3ds.evaluate.report import Report
-from doorway3ds.evaluate.runners import Protocol
+from doorway3ds.lab.evaluate import classifier, depth
+from doorway3ds.lab.evaluate.classifier import ClassifierRecord
+from doorway3ds.lab.evaluate.depth import DepthRecord
+from doorway3ds.lab.evaluate.report import pages, plots, sheets
+from doorway3ds.lab.evaluate.report.html import Report
+from doorway3ds.lab.evaluate.runners import Protocol
 from doorway3ds.train import outcome
 from doorway3ds.train.doornet import CANONICAL_F_PX
 from doorway3ds.train.loop import Row

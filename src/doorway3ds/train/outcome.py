@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from doorway3ds.errors import UserError
-from doorway3ds.evaluate import pages, plots
-from doorway3ds.evaluate.classifier import ClassifierMetrics, ClassifierRecord
-from doorway3ds.evaluate.datasets import Sample
-from doorway3ds.evaluate.depth import DepthMetrics
-from doorway3ds.evaluate.report import Report, write_report
-from doorway3ds.evaluate.runners import Protocol
+from doorway3ds.lab.datasets.samples import Sample
+from doorway3ds.lab.evaluate.classifier import ClassifierMetrics, ClassifierRecord
+from doorway3ds.lab.evaluate.depth import DepthMetrics
+from doorway3ds.lab.evaluate.report import pages, plots
+from doorway3ds.lab.evaluate.report.html import Report, write_report
+from doorway3ds.lab.evaluate.runners import Protocol
 from doorway3ds.networks import registry
 from doorway3ds.networks.session import digest
 from doorway3ds.train.loop import Row

@@ -17,22 +17,23 @@ import numpy as np
 
 from doorway3ds.camera.model import Pose
 from doorway3ds.errors import CallError, UserError
-from doorway3ds.evaluate.datasets import FitCamera, load_frame, with_camera
-from doorway3ds.evaluate.datasets import Sample as Picture
-from doorway3ds.evaluate.direction import DirectionRecord
-from doorway3ds.evaluate.readers import CLASS_FOLDERS, guess_layout, read_dataset
-from doorway3ds.evaluate.runners import Label, methods_on, run_direction
 from doorway3ds.files import write_bytes
-from doorway3ds.networks import registry
-from doorway3ds.networks.doornet import DoorNet as Runtime
-from doorway3ds.networks.session import digest
-from doorway3ds.train import groups, outcome, qualifyscore
-from doorway3ds.train.doorpictures import (
+from doorway3ds.lab.datasets import places as groups
+from doorway3ds.lab.datasets.doors import (
     DoorPictures,
     check_pictures,
     require_half_open,
     split_pictures,
 )
+from doorway3ds.lab.datasets.readers import CLASS_FOLDERS, guess_layout, read_dataset
+from doorway3ds.lab.datasets.samples import FitCamera, load_frame, with_camera
+from doorway3ds.lab.datasets.samples import Sample as Picture
+from doorway3ds.lab.evaluate.direction import DirectionRecord
+from doorway3ds.lab.evaluate.runners import Label, methods_on, run_direction
+from doorway3ds.networks import registry
+from doorway3ds.networks.doornet import DoorNet as Runtime
+from doorway3ds.networks.session import digest
+from doorway3ds.train import outcome, qualifyscore
 from doorway3ds.train.export import export_onnx
 from doorway3ds.train.loop import Watcher
 from doorway3ds.train.qualifyfit import (

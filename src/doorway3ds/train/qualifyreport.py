@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from doorway3ds.evaluate import classifier, direction, pages, plots, sheets
-from doorway3ds.evaluate.classifier import ClassifierRecord
-from doorway3ds.evaluate.datasets import Sample
-from doorway3ds.evaluate.direction import DirectionRecord
-from doorway3ds.evaluate.report import Report, write_report
+from doorway3ds.lab.datasets.samples import Sample
+from doorway3ds.lab.evaluate import classifier, direction
+from doorway3ds.lab.evaluate.classifier import ClassifierRecord
+from doorway3ds.lab.evaluate.direction import DirectionRecord
+from doorway3ds.lab.evaluate.report import pages, plots, sheets
+from doorway3ds.lab.evaluate.report.html import Report, write_report
 from doorway3ds.train import outcome, qualifyscore
 from doorway3ds.train.qualify import Qualification
 from doorway3ds.train.qualifyscore import is_right

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.evaluate import direction, intervals, metrics
-from doorway3ds.evaluate.direction import DirectionRecord, Metric
-from doorway3ds.evaluate.intervals import Indices, Interval, nan_mean
-from doorway3ds.evaluate.report import Table, cell
+from doorway3ds.lab.evaluate import direction, intervals, metrics
+from doorway3ds.lab.evaluate.direction import DirectionRecord, Metric
+from doorway3ds.lab.evaluate.intervals import Indices, Interval, nan_mean
+from doorway3ds.lab.evaluate.report.html import Table, cell
 
 RULE = " ".join((__doc__ or "").split("\n\n", 1)[1].split())
 OPEN = 0.5

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from doorway3ds.errors import UserError
-from doorway3ds.evaluate.datasets import place_folds
-from doorway3ds.evaluate.readers import guess_layout
 from doorway3ds.files import write_bytes
+from doorway3ds.lab.datasets.readers import guess_layout
+from doorway3ds.lab.datasets.samples import place_folds
 from doorway3ds.networks.session import digest
 from doorway3ds.train import outcome
 from doorway3ds.train.augment import view

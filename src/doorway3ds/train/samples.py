@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.errors import UserError
-from doorway3ds.evaluate.datasets import Sample as Marked
-from doorway3ds.evaluate.datasets import load_frame
-from doorway3ds.evaluate.readers import read_dataset
-from doorway3ds.train import groups
+from doorway3ds.lab.datasets import places as groups
+from doorway3ds.lab.datasets.readers import read_dataset
+from doorway3ds.lab.datasets.samples import Sample as Marked
+from doorway3ds.lab.datasets.samples import load_frame
 from doorway3ds.types import Frame
 
 # Labels 0..5 of SEGMENTS (other, wall, floor, door, window, ceiling); 255 = unknown

@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from doorway3ds.evaluate import classifier
-from doorway3ds.evaluate.classifier import ClassifierMetrics
+from doorway3ds.lab.datasets.doors import DoorPictures
+from doorway3ds.lab.evaluate import classifier
+from doorway3ds.lab.evaluate.classifier import ClassifierMetrics
 from doorway3ds.train import cnn_srin
-from doorway3ds.train.doorpictures import DoorPictures
 from doorway3ds.train.loop import Loop, Row, Watcher
 from doorway3ds.train.srinrun import SrinOptions, loop_config, predict, prepare
 

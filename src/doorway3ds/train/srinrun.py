@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.evaluate import classifier
-from doorway3ds.evaluate.classifier import ClassifierMetrics, ClassifierRecord
-from doorway3ds.evaluate.datasets import Sample
+from doorway3ds.lab.datasets.doors import DoorPictures, Split, split_pictures
+from doorway3ds.lab.datasets.samples import Sample
+from doorway3ds.lab.evaluate import classifier
+from doorway3ds.lab.evaluate.classifier import ClassifierMetrics, ClassifierRecord
 from doorway3ds.networks.cnn_srin import SIDE
 from doorway3ds.train import cnn_srin, outcome
 from doorway3ds.train.cnn_srin import FeatureCache, Wanted
-from doorway3ds.train.doorpictures import DoorPictures, Split, split_pictures
 from doorway3ds.train.engine import ALONE, Team, device_of, wants_half
 from doorway3ds.train.loop import Data, Loop, LoopConfig, Row, Watcher
 from doorway3ds.train.onnxfile import export

@@ -15,8 +15,9 @@ from typing import Any
 from doorway3ds.decide.gates import decide
 from doorway3ds.decide.opening import OpeningParams, select_opening
 from doorway3ds.errors import UserError
-from doorway3ds.evaluate import direction
-from doorway3ds.evaluate.datasets import (
+from doorway3ds.files import write_bytes
+from doorway3ds.lab.datasets.readers import read_dataset
+from doorway3ds.lab.datasets.samples import (
     Sample,
     held_out,
     load_depth,
@@ -24,9 +25,8 @@ from doorway3ds.evaluate.datasets import (
     parse_split,
     picture_truth,
 )
-from doorway3ds.evaluate.direction import DirectionMetrics, DirectionRecord, PictureTruth
-from doorway3ds.evaluate.readers import read_dataset
-from doorway3ds.files import write_bytes
+from doorway3ds.lab.evaluate import direction
+from doorway3ds.lab.evaluate.direction import DirectionMetrics, DirectionRecord, PictureTruth
 from doorway3ds.networks.base import Network
 from doorway3ds.networks.doornet import DoorNet
 from doorway3ds.networks.limits import override

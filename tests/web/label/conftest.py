@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from doorway3ds.decide.pipeline import Pipeline
-from doorway3ds.evaluate.readers import folder_camera
+from doorway3ds.lab.datasets.readers import folder_camera
 from doorway3ds.networks import load
 from tests import tinynets
 from tests.pictures import encode, scene

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from doorway3ds.errors import UserError
-from doorway3ds.evaluate.readers import read_dataset
+from doorway3ds.lab.datasets.readers import read_dataset
 from doorway3ds.web.label.classes import export_classes
 from doorway3ds.web.label.pictures import Pictures
 

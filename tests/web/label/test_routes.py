@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from doorway3ds.evaluate import datasets
-from doorway3ds.evaluate.readers import read_dataset
 from doorway3ds.images.codec import read_image
+from doorway3ds.lab.datasets import samples as datasets
+from doorway3ds.lab.datasets.readers import read_dataset
 from tests.pictures import encode, scene
 from tests.web.label.conftest import Desk
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from doorway3ds.decide.pipeline import Pipeline
-from doorway3ds.evaluate.datasets import FitCamera
 from doorway3ds.images.codec import Picture
+from doorway3ds.lab.datasets.samples import FitCamera
 from doorway3ds.types import Decision, Frame
 from doorway3ds.web.label.marks import MarkedOpening, Marks
 from doorway3ds.web.label.pictures import Guess, Guesser

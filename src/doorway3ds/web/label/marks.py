@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from doorway3ds.errors import UserError
-from doorway3ds.evaluate.csvfile import Row, flag, number
-from doorway3ds.evaluate.readers import HALF_OPEN
+from doorway3ds.lab.datasets.csvfile import Row, flag, number
+from doorway3ds.lab.datasets.readers import HALF_OPEN
 
 COLUMNS = (
     "image",

@@ -13,8 +13,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from doorway3ds.errors import UserError
-from doorway3ds.evaluate.csvfile import Row, csv_columns, csv_rows
 from doorway3ds.files import write_bytes
+from doorway3ds.lab.datasets.csvfile import Row, csv_columns, csv_rows
 from doorway3ds.web.label.marks import COLUMNS, NEEDED, Marks, from_rows, to_rows
 
 NAME = "doorways.csv"

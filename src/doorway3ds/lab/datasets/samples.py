@@ -1,0 +1,287 @@
+"""Marked data sets: what a sample is, how its files are read, how places are held out.
+
+`readers.read_dataset` finds the samples of a folder; nothing here decodes a picture before
+it is asked to.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.camera.choice import default_camera
+from doorway3ds.camera.model import (
+    Camera,
+    Pose,
+    back_project,
+    bearing_of_pixel,
+    ray_to_pixel,
+    rotation,
+)
+from doorway3ds.errors import CallError, UserError
+from doorway3ds.images.codec import read_image
+from doorway3ds.lab.evaluate.direction import PictureTruth, TruthOpening
+from doorway3ds.types import Frame
+
+# What is easily taken for an open doorway, and the NYU40 ids minus 1 that count as it.
+NYU_KINDS = {
+    "closed door": (7,),
+    "window": (8, 12, 15),  # window, blinds, curtain
+    "mirror": (18,),
+    "picture or screen": (10, 24, 29),  # picture, television, whiteboard
+    "wardrobe or cabinet": (2, 16, 23),  # cabinet, dresser, refrigerator
+    "shelves": (9, 14),  # bookshelf, shelves
+    "shower curtain": (27,),
+}
+KIND_SHARE = 0.02  # of a picture's pixels, from which on a kind counts as shown
+
+DEPTH_FULL_M = 10.0
+
+# width, height, EXIF focal length as on 35 mm film -> camera
+FitCamera = Callable[[int, int, float | None], Camera]
+
+
+@dataclass(frozen=True)
+class Marked:
+    """One opening marked in a picture: columns at mid-height of the picture as it is used."""
+
+    left_px: float
+    right_px: float
+    clear: bool | None = None
+    confidence: int = 3
+    second: bool = False
+    range_m: float | None = None
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One picture with its marks; the files are read by the functions below.
+
+    camera None: what `fit` gives, once the picture's size is known. is_open None: neither
+    open nor closed (half open). crop: (top, bottom, left, right) to cut from picture, depth
+    and labels alike. size: (width, height) to stretch the picture to. depth_unit_m: metres per
+    count; counts of 0 are unknown. depth_full: the count that
+    stands for DEPTH_FULL_M or more. eigen_box: the Eigen crop in the cropped picture.
+    """
+
+    name: str
+    place: str
+    image_path: Path
+    is_open: bool | None
+    openings: tuple[Marked, ...] = ()
+    kinds: tuple[str, ...] = ()
+    camera: Camera | None = None
+    fit: FitCamera = default_camera
+    pose: Pose = field(default_factory=Pose)
+    confidence: int = 3
+    crop: tuple[int, int, int, int] | None = None
+    size: tuple[int, int] | None = None
+    depth_path: Path | None = None
+    depth_unit_m: float = 0.001
+    depth_full: int | None = None
+    labels_path: Path | None = None
+    eigen_box: tuple[int, int, int, int] | None = None
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Samples in name order. places_known: False where each picture is its own place."""
+
+    path: Path
+    layout: str
+    samples: tuple[Sample, ...]
+    places_known: bool
+
+
+def load_frame(sample: Sample) -> Frame:
+    """Decode, crop and stretch a sample's picture. Raises UserError where it cannot be read."""
+    picture = read_image(sample.image_path)
+    image = _cropped(picture.image, sample)
+    if sample.size is not None:
+        enlarges = sample.size[0] * sample.size[1] > image.shape[0] * image.shape[1]
+        image = cv2.resize(
+            image, sample.size, interpolation=cv2.INTER_LINEAR if enlarges else cv2.INTER_AREA
+        )
+    height, width = image.shape[:2]
+    camera = sample.camera or sample.fit(width, height, picture.focal_35mm)
+    if (camera.width, camera.height) != (width, height):
+        camera = camera.scaled_to(width, height)
+    return Frame(np.ascontiguousarray(image, np.uint8), camera, sample.pose)
+
+
+def load_depth(sample: Sample) -> NDArray[np.float32] | None:
+    """True depth (H, W) in metres, nan where unknown; None where the sample has none."""
+    if sample.depth_path is None:
+        return None
+    raw = cv2.imread(str(sample.depth_path), cv2.IMREAD_UNCHANGED)
+    if raw is None or raw.ndim != 2:
+        raise UserError(f"{sample.depth_path} is no one-channel depth picture that can be read")
+    counts = _cropped(raw, sample)
+    depth = counts.astype(np.float32) * np.float32(sample.depth_unit_m)
+    depth[counts == 0] = np.nan
+    if sample.depth_full is not None:
+        depth[counts == sample.depth_full] = DEPTH_FULL_M
+    return np.asarray(depth, np.float32)
+
+
+def load_labels(sample: Sample) -> NDArray[np.uint8] | None:
+    """The class of each pixel (H, W) as in NYU_KINDS; None where the sample tells none."""
+    if sample.labels_path is None:
+        return None
+    labels = cv2.imread(str(sample.labels_path), cv2.IMREAD_UNCHANGED)
+    if labels is None or labels.ndim != 2 or labels.dtype != np.uint8:
+        raise UserError(f"{sample.labels_path} is no 8-bit one-channel label picture")
+    return np.asarray(_cropped(labels, sample), np.uint8)
+
+
+def kinds_shown(sample: Sample, labels: NDArray[np.uint8] | None) -> tuple[str, ...]:
+    """The sample's own kinds, and those that its labels show on 2 % of the pixels."""
+    if labels is None:
+        return sample.kinds
+    shown = [k for k, ids in NYU_KINDS.items() if np.isin(labels, ids).mean() >= KIND_SHARE]
+    return (*sample.kinds, *shown)
+
+
+def picture_truth(sample: Sample, frame: Frame, depth_m: NDArray[Any] | None) -> PictureTruth:
+    """What the marks say in degrees and metres, by the frame's camera and pose.
+
+    A marked opening's bearing is that of the ray through (left_px + right_px) / 2 at the
+    picture's middle row. Its range is the marked one, else that of its jambs in true depth.
+    """
+    camera, pose = frame.camera, frame.pose
+    row = (camera.height - 1) / 2
+    openings = []
+    for marked in sample.openings:
+        range_m = marked.range_m
+        if range_m is None and depth_m is not None:
+            range_m = threshold_range_m(depth_m, camera, pose, marked.left_px, marked.right_px)
+        columns = (marked.left_px, (marked.left_px + marked.right_px) / 2, marked.right_px)
+        left, middle, right = bearing_of_pixel(camera, pose, [(x, row) for x in columns], range_m)
+        openings.append(
+            TruthOpening(
+                float(left), float(right), float(middle), range_m, marked.clear, marked.second
+            )
+        )
+    openings.sort(key=lambda opening: opening.second)
+    return PictureTruth(sample.name, sample.place, sample.is_open, tuple(openings))
+
+
+def threshold_range_m(
+    depth_m: NDArray[Any], camera: Camera, pose: Pose, left_px: float, right_px: float
+) -> float | None:
+    """Horizontal distance to the middle between the jambs, from true depth.
+
+    A jamb is read as the median point of a strip just outside the opening (0.5 to 2.5 % of the
+    width, the middle tenth of the rows). None where the picture's edge cuts a jamb or its
+    depth is unknown.
+    """
+    height, width = depth_m.shape
+    scale = width / camera.width
+    near, far = 0.005 * width, 0.025 * width
+    left, right = (left_px + 0.5) * scale - 0.5, (right_px + 0.5) * scale - 0.5
+    strips = ((left - far, left - near), (right + near, right + far))
+    if strips[0][0] < 0 or strips[1][1] > width - 1:
+        return None
+    rows = slice(round(0.45 * height), max(round(0.55 * height), round(0.45 * height) + 1))
+    points = back_project(camera, pose, depth_m)[rows]
+    jambs = []
+    for start, end in strips:
+        strip = points[:, round(start) : round(end) + 1, :2].reshape(-1, 2)
+        strip = strip[np.isfinite(strip).all(axis=1)]
+        if len(strip) == 0:
+            return None
+        jambs.append(np.median(strip, axis=0))
+    return float(math.hypot(*((jambs[0] + jambs[1]) / 2)))
+
+
+def bearing_to_column(frame: Frame, bearing_deg: float) -> float:
+    """Column at which a level ray of this bearing (seen from the lens) meets the picture."""
+    angle = math.radians(bearing_deg)
+    robot = np.array([math.cos(angle), math.sin(angle), 0.0])
+    pixel = ray_to_pixel(frame.camera, rotation(frame.pose).T @ robot)
+    return float(np.nan_to_num(pixel[0], nan=-1.0))
+
+
+def place_folds(places: Iterable[str], folds: int) -> dict[str, int]:
+    """Fold 0..folds-1 of each place: the sorted places dealt out in turn.
+
+    Training and evaluation must use this same rule, so that what is held out stays unseen.
+    """
+    names = sorted(set(places))
+    if not 2 <= folds <= len(names):
+        raise CallError(f"expected 2 to {len(names)} folds for {len(names)} places, got {folds}")
+    return {name: index % folds for index, name in enumerate(names)}
+
+
+def parse_split(text: str) -> tuple[int, int]:
+    """(fold counted from 0, folds) of "K/N", where K counts from 1."""
+    first, slash, second = text.partition("/")
+    if not slash or not first.isdigit() or not second.isdigit():
+        raise CallError(f"expected a split K/N such as 1/5, got '{text}'")
+    fold, folds = int(first), int(second)
+    if not 1 <= fold <= folds:
+        raise CallError(f"expected K from 1 to N in the split K/N, got '{text}'")
+    return fold - 1, folds
+
+
+def held_out(dataset: Dataset, fold: int, folds: int) -> Dataset:
+    """The samples of one fold of places."""
+    if not dataset.places_known:
+        raise UserError(
+            f"{dataset.path} does not say which pictures share a place, so none can be held out; "
+            "add a 'place' column or give --places FILE"
+        )
+    of_place = place_folds((s.place for s in dataset.samples), folds)
+    kept = tuple(s for s in dataset.samples if of_place[s.place] == fold)
+    return replace(dataset, samples=kept)
+
+
+def with_camera(dataset: Dataset, fit: FitCamera, pose: Pose) -> Dataset:
+    """Photographs whose camera is not known otherwise, as taken by the camera that `fit` gives."""
+    if all(s.camera is not None for s in dataset.samples):
+        raise CallError(f"the {dataset.layout} layout brings its camera; leave camera options out")
+    samples = tuple(
+        replace(s, fit=fit, pose=pose) if s.camera is None else s for s in dataset.samples
+    )
+    return replace(dataset, samples=samples)
+
+
+def only_named(dataset: Dataset, names: Sequence[str]) -> Dataset:
+    """The samples of these names. Raises UserError where one is not there."""
+    wanted = set(names)
+    kept = tuple(s for s in dataset.samples if s.name in wanted)
+    missing = sorted(wanted - {s.name for s in kept})
+    if missing:
+        raise UserError(
+            f"{len(missing)} of the listed pictures are not in {dataset.path}, first '{missing[0]}'"
+        )
+    return replace(dataset, samples=kept)
+
+
+def at_least(dataset: Dataset, confidence: int) -> Dataset:
+    """Pictures, and of them further openings, marked with at least this confidence."""
+    kept = tuple(
+        replace(s, openings=tuple(o for o in s.openings if o.confidence >= confidence))
+        for s in dataset.samples
+        if s.confidence >= confidence
+    )
+    return replace(dataset, samples=kept)
+
+
+def _cropped(array: NDArray[Any], sample: Sample) -> NDArray[Any]:
+    if sample.crop is None:
+        return array
+    top, bottom, left, right = sample.crop
+    if array.shape[0] < bottom or array.shape[1] < right:
+        raise UserError(
+            f"{sample.image_path} or its depth is {array.shape[1]}x{array.shape[0]}; expected "
+            f"at least {right}x{bottom} to cut the white frame from"
+        )
+    return array[top:bottom, left:right]

@@ -1,0 +1,110 @@
+"""Scores of p_open against open / not open."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.lab.evaluate import intervals, metrics
+from doorway3ds.lab.evaluate.intervals import Indices, Interval, wilson
+from doorway3ds.lab.evaluate.metrics import Calibration, Confusion
+
+ECE_BINS = 10
+
+
+@dataclass(frozen=True)
+class ClassifierRecord:
+    """One picture: whether it shows an open doorway, and the probability given.
+
+    kinds: what a negative shows instead ("closed door", "window"); may be several or none.
+    """
+
+    image: str
+    place: str
+    is_open: bool
+    p_open: float
+    kinds: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ClassifierMetrics:
+    """Scores at `threshold`. wilson: shares as of independent pictures; by_place: intervals by
+    resampled places; false_open: share of each kind of negative that is called open (Wilson).
+    """
+
+    threshold: float
+    pictures: int
+    places: int
+    confusion: Confusion
+    wilson: Mapping[str, Interval]
+    by_place: Mapping[str, Interval]
+    calibration: Calibration
+    false_open: Mapping[str, Interval]
+
+    def to_dict(self) -> dict[str, Any]:
+        c = self.confusion
+        return {
+            "pictures": self.pictures,
+            "places": self.places,
+            "threshold": self.threshold,
+            "confusion": {"tp": c.tp, "fp": c.fp, "tn": c.tn, "fn": c.fn},
+            "metrics": {name: value.to_dict() for name, value in self.by_place.items()},
+            "wilson": {name: value.to_dict() for name, value in self.wilson.items()},
+            "false_open_by_kind": {k: value.to_dict() for k, value in self.false_open.items()},
+            "calibration": {
+                "probability": self.calibration.probability.tolist(),
+                "frequency": self.calibration.frequency.tolist(),
+                "count": self.calibration.count.tolist(),
+            },
+        }
+
+
+def score(
+    records: Sequence[ClassifierRecord],
+    threshold: float = 0.5,
+    repeats: int = 2000,
+    seed: int = 0,
+) -> ClassifierMetrics:
+    """Accuracy, balanced accuracy, AUC, calibration error and the rest; open = p >= threshold."""
+    truth = np.array([r.is_open for r in records], bool)
+    p = np.array([r.p_open for r in records], float)
+    if np.isnan(p).any():
+        raise ValueError("every record needs a probability; leave pictures without one out")
+    answer = p >= threshold
+    places = [r.place for r in records]
+
+    def statistic(indices: Indices) -> NDArray[np.floating[Any]]:
+        t, a, q = truth[indices], answer[indices], p[indices]
+        c = metrics.confusion(t, a)
+        ece = metrics.calibration(t, q, ECE_BINS).ece
+        return np.array([c.accuracy, c.balanced_accuracy, metrics.auc(t, q), ece])
+
+    value, low, high = intervals.bootstrap(statistic, places, repeats, seed)
+    c = metrics.confusion(truth, answer)
+    kinds = sorted({kind for r in records if not r.is_open for kind in r.kinds})
+    false_open = {}
+    for kind in kinds:
+        members = np.array([not r.is_open and kind in r.kinds for r in records], bool)
+        false_open[kind] = wilson(int(answer[members].sum()), int(members.sum()))
+    names = ("accuracy", "balanced_accuracy", "auc", "ece")
+    return ClassifierMetrics(
+        threshold=threshold,
+        pictures=len(records),
+        places=len(set(places)),
+        confusion=c,
+        wilson={
+            "accuracy": wilson(c.tp + c.tn, len(records)),
+            "sensitivity": wilson(c.tp, c.tp + c.fn),
+            "specificity": wilson(c.tn, c.tn + c.fp),
+        },
+        by_place={
+            name: Interval(float(value[m]), float(low[m]), float(high[m]), len(records))
+            for m, name in enumerate(names)
+        },
+        calibration=metrics.calibration(truth, p, ECE_BINS),
+        false_open=false_open,
+    )

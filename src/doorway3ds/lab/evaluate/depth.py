@@ -1,0 +1,96 @@
+"""Scores of depth maps over many pictures.
+
+A picture's errors are means over its pixels; a data set's are means over pictures (`mean`),
+and also over all pixels together (`pooled`), because publications use both.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.lab.evaluate.intervals import Interval, mean_interval
+from doorway3ds.lab.evaluate.metrics import DEPTH_LIMITS_M, DepthErrors, depth_errors
+
+MEASURES = ("delta1", "delta2", "delta3", "abs_rel", "rmse", "log10")
+
+
+@dataclass(frozen=True)
+class DepthRecord:
+    """One picture's errors under one protocol."""
+
+    image: str
+    place: str
+    errors: DepthErrors
+
+
+@dataclass(frozen=True)
+class DepthMetrics:
+    """mean: over pictures, with intervals by place. pooled: over all pixels together."""
+
+    pictures: int
+    places: int
+    mean: Mapping[str, Interval]
+    pooled: Mapping[str, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "pictures": self.pictures,
+            "places": self.places,
+            "metrics": {name: value.to_dict() for name, value in self.mean.items()},
+            "pooled": {k: v if math.isfinite(v) else None for k, v in self.pooled.items()},
+        }
+
+
+def resize_map(depth_m: NDArray[Any], height: int, width: int) -> NDArray[np.float32]:
+    """A map (h, w) that covers the whole picture, bilinear, at (height, width)."""
+    source = np.asarray(depth_m, np.float32)
+    if source.shape == (height, width):
+        return source
+    return np.asarray(
+        cv2.resize(source, (width, height), interpolation=cv2.INTER_LINEAR), np.float32
+    )
+
+
+def average_with_mirrored(
+    plain: NDArray[np.float32], of_mirrored: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Mean of a map (h, w) and the map (h, w) of the mirrored picture."""
+    return np.asarray((plain + of_mirrored[:, ::-1]) / 2, np.float32)
+
+
+def compare(
+    image: str,
+    place: str,
+    predicted_m: NDArray[Any],
+    truth_m: NDArray[np.float32],
+    box: tuple[int, int, int, int] | None = None,
+    limits_m: tuple[float, float] = DEPTH_LIMITS_M,
+) -> DepthRecord:
+    """One record; the prediction is brought to the truth's size bilinearly first."""
+    resized = resize_map(predicted_m, *truth_m.shape)
+    return DepthRecord(image, place, depth_errors(resized, truth_m, box, limits_m))
+
+
+def score(records: Sequence[DepthRecord], repeats: int = 2000, seed: int = 0) -> DepthMetrics:
+    """Means over the pictures that have any compared pixel."""
+    known = [r for r in records if r.errors.pixels]
+    places = [r.place for r in known]
+    pixels = np.array([r.errors.pixels for r in known], float)
+    mean, pooled = {}, {}
+    for name in MEASURES:
+        values = np.array([getattr(r.errors, name) for r in known], float)
+        mean[name] = mean_interval(values, places, repeats, seed)
+        if not known:
+            pooled[name] = math.nan
+        elif name == "rmse":
+            pooled[name] = float(np.sqrt(np.average(values**2, weights=pixels)))
+        else:
+            pooled[name] = float(np.average(values, weights=pixels))
+    return DepthMetrics(len(known), len(set(places)), mean, pooled)

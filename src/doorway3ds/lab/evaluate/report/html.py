@@ -1,0 +1,135 @@
+"""One HTML page, its plots and sheets as PNG files, and the same numbers as JSON."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.files import write_bytes
+from doorway3ds.lab.evaluate.intervals import Interval
+
+_STYLE = """
+:root { color-scheme: light dark; --rule: #8886; --soft: #8882; }
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 68rem; margin: 2rem auto; padding: 0 1rem }
+h1 { font-size: 1.5rem } h2 { font-size: 1.1rem; margin-top: 2.2rem }
+table { border-collapse: collapse } td, th { padding: .3rem .9rem .3rem 0; text-align: left;
+ border-bottom: 1px solid var(--rule); vertical-align: top }
+td.number { font-variant-numeric: tabular-nums; white-space: nowrap }
+small, .about { opacity: .7; font-size: .85em } img { max-width: 100% }
+.plots { display: grid; grid-template-columns: repeat(auto-fit, minmax(24rem, 1fr)); gap: 1rem }
+.plots img { background: white } .scroll { overflow-x: auto }
+code { background: var(--soft); padding: .1rem .3rem; white-space: pre-wrap }
+"""
+
+
+@dataclass(frozen=True)
+class Table:
+    """rows: (title, what it is about, one cell per column of `columns`)."""
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[tuple[str, str, Sequence[str]]]
+
+
+@dataclass
+class Report:
+    """What a page holds, in order: facts, tables, plots, sheets, notes.
+
+    facts: name -> text (data set, command, date). pictures: file stem -> (title, PNG bytes,
+    whether it is a sheet, shown at full width).
+    """
+
+    title: str
+    facts: Mapping[str, str]
+    tables: list[Table] = field(default_factory=list)
+    pictures: dict[str, tuple[str, bytes, bool]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def add_sheet(self, stem: str, title: str, image: NDArray[np.uint8]) -> None:
+        """Add a contact sheet, (H, W, 3) uint8 RGB."""
+        _, encoded = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+        self.pictures[stem] = (title, encoded.tobytes(), True)
+
+    def add_plot(self, stem: str, title: str, png: bytes) -> None:
+        self.pictures[stem] = (title, png, False)
+
+
+def cell(value: Interval, unit: str) -> str:
+    """ "62.1 % (55.0-68.9)"; a dash where the value is unknown."""
+    if not math.isfinite(value.value):
+        return "–"
+    factor, digits, suffix = {
+        "share": (100, 1, " %"),
+        "deg": (1, 1, "°"),
+        "m": (1, 2, " m"),
+    }.get(unit, (1, 3, ""))
+    text = f"{value.value * factor:.{digits}f}{suffix}"
+    if math.isfinite(value.low):
+        text += f" ({value.low * factor:.{digits}f}–{value.high * factor:.{digits}f})"
+    return text
+
+
+def write_report(report: Report, folder: Path, data: Mapping[str, Any]) -> Path:
+    """Writes report.html, report.json and one PNG per picture; gives the page's path."""
+    for stem, (_, png, _) in report.pictures.items():
+        write_bytes(folder / f"{stem}.png", png)
+    write_json(folder / "report.json", data)
+    return write_bytes(folder / "report.html", render(report).encode())
+
+
+def write_json(path: Path, data: Mapping[str, Any]) -> None:
+    write_bytes(path, (json.dumps(data, indent=1, allow_nan=False) + "\n").encode())
+
+
+def render(report: Report) -> str:
+    """The page; pictures are inside it, so that it can be sent on alone."""
+    text = html.escape
+    parts = [
+        "<!doctype html>",
+        '<html lang="en"><head><meta charset="utf-8">',
+        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        f"<title>{text(report.title)}</title><style>{_STYLE}</style></head><body>",
+        f"<h1>{text(report.title)}</h1><table>",
+    ]
+    parts += [
+        f"<tr><th>{text(name)}</th><td><code>{text(value)}</code></td></tr>"
+        for name, value in report.facts.items()
+    ]
+    parts.append("</table>")
+    for table in report.tables:
+        parts.append(f'<h2>{text(table.title)}</h2><div class="scroll"><table><tr><th></th>')
+        parts += [f"<th>{text(column)}</th>" for column in table.columns]
+        parts.append("</tr>")
+        for title, about, cells in table.rows:
+            parts.append(f'<tr><td>{text(title)}<br><span class="about">{text(about)}</span></td>')
+            parts += [f'<td class="number">{text(value)}</td>' for value in cells]
+            parts.append("</tr>")
+        parts.append("</table></div>")
+    plots = [(title, png) for title, png, sheet in report.pictures.values() if not sheet]
+    if plots:
+        parts.append('<h2>Plots</h2><div class="plots">')
+        parts += [f"<figure>{_img(title, png)}</figure>" for title, png in plots]
+        parts.append("</div>")
+    for title, png, sheet in report.pictures.values():
+        if sheet:
+            parts.append(f"<h2>{text(title)}</h2>{_img(title, png)}")
+    if report.notes:
+        parts.append("<h2>Notes</h2>")
+        parts += [f"<p>{text(note)}</p>" for note in report.notes]
+    parts.append("</body></html>\n")
+    return "\n".join(parts)
+
+
+def _img(title: str, png: bytes) -> str:
+    data = base64.b64encode(png).decode()
+    return f'<img alt="{html.escape(title)}" src="data:image/png;base64,{data}">'

@@ -1,0 +1,126 @@
+"""Plots of a report, as PNG bytes (extra `report`: matplotlib)."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from doorway3ds.errors import UserError
+from doorway3ds.lab.evaluate import metrics
+from doorway3ds.lab.evaluate.classifier import ClassifierMetrics, ClassifierRecord
+from doorway3ds.lab.evaluate.depth import DepthRecord
+from doorway3ds.lab.evaluate.direction import METRICS, DirectionMetrics, DirectionRecord, judge
+
+COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+GO_ROWS = ("within_5deg", "inside", "go_when_clear", "go_when_blocked", "go_without_door")
+
+
+def bearing_errors(runs: Mapping[str, Sequence[DirectionRecord]]) -> bytes:
+    """Share of doorway pictures whose bearing error is at most so many degrees."""
+    with figure() as (axes, done):
+        for color, (name, records) in zip(_colors(), runs.items(), strict=False):
+            doorway = [judge(r) for r in records if r.truth.openings]
+            if not doorway:
+                continue
+            # Pictures without a listed opening never arrive: the curve ends below 1.
+            errors = np.sort([abs(o.error_deg) for o in doorway if o.matched is not None])
+            share = np.arange(1, len(errors) + 1) / len(doorway)
+            axes.step(np.append(0, errors), np.append(0, share), where="post", color=color)
+            axes.plot([], [], color=color, label=name)
+        axes.axvline(5, color="0.6", linewidth=0.8, linestyle=":")
+        axes.set(xlim=(0, 30), ylim=(0, 1), xlabel="bearing error, degrees at most")
+        axes.set_ylabel("share of doorway pictures")
+        axes.legend(frameon=False)
+    return done()
+
+
+def shares(runs: Mapping[str, DirectionMetrics]) -> bytes:
+    """The table's main shares as points with intervals."""
+    with figure() as (axes, done):
+        for number, (color, (name, scored)) in enumerate(
+            zip(_colors(), runs.items(), strict=False)
+        ):
+            offset = 0.5 - (number + 1) / (len(runs) + 1)
+            rows = [scored[row] for row in GO_ROWS]
+            at = np.arange(len(rows))[::-1] + 0.6 * offset
+            value = np.array([row.value for row in rows])
+            low = np.nan_to_num(value - [row.low for row in rows])
+            high = np.nan_to_num([row.high for row in rows] - value)
+            spread = np.clip([low, high], 0, None)
+            axes.errorbar(value, at, xerr=spread, fmt="o", color=color, label=name, markersize=4)
+        axes.set_yticks(np.arange(len(GO_ROWS))[::-1], [METRICS[row].title for row in GO_ROWS])
+        axes.set(xlim=(0, 1), xlabel="share, with the 95 % interval by place")
+        axes.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.3, 1.0), ncols=2)
+    return done()
+
+
+def roc(runs: Mapping[str, Sequence[ClassifierRecord]]) -> bytes:
+    """True- against false-positive rate."""
+    with figure() as (axes, done):
+        for color, (name, records) in zip(_colors(), runs.items(), strict=False):
+            false, true = metrics.roc_curve(
+                [r.is_open for r in records], [r.p_open for r in records]
+            )
+            axes.step(false, true, where="post", color=color, label=name)
+        axes.plot([0, 1], [0, 1], color="0.7", linewidth=0.8, linestyle=":")
+        axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="not open, called open")
+        axes.set_ylabel("open, called open")
+        axes.set_aspect("equal")
+        axes.legend(frameon=False)
+    return done()
+
+
+def reliability(runs: Mapping[str, ClassifierMetrics]) -> bytes:
+    """Share really open against the probability given; the dot's area is the bin's pictures."""
+    with figure() as (axes, done):
+        for color, (name, scored) in zip(_colors(), runs.items(), strict=False):
+            c = scored.calibration
+            axes.plot(c.probability, c.frequency, color=color, linewidth=1)
+            area = 10 + 300 * c.count / c.count.sum()
+            axes.scatter(c.probability, c.frequency, s=area, color=color, alpha=0.6, label=name)
+        axes.plot([0, 1], [0, 1], color="0.7", linewidth=0.8, linestyle=":")
+        axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="p_open given", ylabel="share really open")
+        axes.set_aspect("equal")
+        axes.legend(frameon=False)
+    return done()
+
+
+def depth_spread(runs: Mapping[str, Sequence[DepthRecord]]) -> bytes:
+    """Share of pictures whose delta1 is at most so much."""
+    with figure() as (axes, done):
+        for color, (name, records) in zip(_colors(), runs.items(), strict=False):
+            values = np.sort([r.errors.delta1 for r in records if r.errors.pixels])
+            share = np.arange(1, len(values) + 1) / max(len(values), 1)
+            axes.step(values, share, where="post", color=color, label=name)
+        axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="delta1 at most", ylabel="share of pictures")
+        axes.legend(frameon=False)
+    return done()
+
+
+def _colors() -> Sequence[str]:
+    return COLORS * 4
+
+
+@contextmanager
+def figure() -> Iterator[tuple[Any, Callable[[], bytes]]]:
+    """Axes to draw on, and a function that gives the finished picture's PNG bytes."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise UserError(
+            "a report needs matplotlib; install it with: pip install 'doorway3ds[report]'"
+        ) from error
+    figure = Figure(figsize=(6.4, 4.2), dpi=130, layout="constrained")
+    axes = figure.add_subplot()
+    axes.spines[["top", "right"]].set_visible(False)
+
+    def done() -> bytes:
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="png")
+        return buffer.getvalue()
+
+    yield axes, done

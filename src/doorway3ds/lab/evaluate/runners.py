@@ -1,0 +1,388 @@
+"""Ask methods and networks for their answers to the samples of a data set."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.camera.model import Camera
+from doorway3ds.decide.gates import Gates, decide
+from doorway3ds.decide.opening import OpeningParams, select_opening
+from doorway3ds.decide.paper import select_paper
+from doorway3ds.decide.scene.metres import in_metres
+from doorway3ds.errors import CallError, UserError
+from doorway3ds.lab.datasets.samples import (
+    Sample,
+    kinds_shown,
+    load_depth,
+    load_frame,
+    load_labels,
+    picture_truth,
+)
+from doorway3ds.lab.evaluate import depth as depth_scores
+from doorway3ds.lab.evaluate import kinds as kind_scores
+from doorway3ds.lab.evaluate.classifier import ClassifierRecord
+from doorway3ds.lab.evaluate.depth import DepthRecord
+from doorway3ds.lab.evaluate.direction import (
+    DirectionRecord,
+    PictureTruth,
+    record_from_decision,
+    record_from_json,
+)
+from doorway3ds.networks.base import Network as BaseNetwork
+from doorway3ds.networks.base import thresholds_of
+from doorway3ds.networks.limits import override
+from doorway3ds.types import Decision, Frame, Perception, Selection
+
+# `networks.Network`, or any function of a picture and its camera
+Network = Callable[[NDArray[np.uint8], Camera], Perception]
+# `pipeline.Pipeline`, or any function of a frame
+Decide = Callable[[Frame], Decision]
+
+
+@dataclass(frozen=True)
+class Label:
+    """Which column of the table: a method on a network."""
+
+    method: str
+    network: str
+
+    def __str__(self) -> str:
+        return f"{self.method} on {self.network}"
+
+
+# from a frame and its true depth (None where there is none) to a decision per column of the table
+Answer = Callable[[Frame, NDArray[np.float32] | None], Mapping[Label, Decision]]
+
+
+@dataclass
+class DirectionRuns:
+    """Records of several methods and networks over the same pictures.
+
+    answers: the JSON objects that go with `records`. left_out: why a picture is missing, by name.
+    """
+
+    records: dict[Label, list[DirectionRecord]] = field(default_factory=dict)
+    answers: dict[Label, list[dict[str, Any]]] = field(default_factory=dict)
+    left_out: dict[str, str] = field(default_factory=dict)
+
+    def add(self, more: DirectionRuns) -> None:
+        """Further pictures, or further columns, of the same data set."""
+        for label, records in more.records.items():
+            self.records.setdefault(label, []).extend(records)
+            self.answers.setdefault(label, []).extend(more.answers[label])
+        self.left_out |= more.left_out
+
+
+def run_direction(
+    samples: Iterable[Sample],
+    answer: Answer,
+    p_open_known: bool = True,
+) -> DirectionRuns:
+    """Answers to every sample; a picture that cannot be read is left out, and named.
+
+    p_open_known False (the gate was held open) keeps p_open out of the score. Raises UserError
+    where no picture could be read.
+    """
+    runs = DirectionRuns()
+    for sample in samples:
+        try:
+            known = _known(sample)
+        except UserError as error:
+            runs.left_out[sample.name] = str(error)
+            continue
+        for label, decision in answer(known.frame, known.depth_m).items():
+            answered = answer_json(sample.name, sample.place, label, decision)
+            record = record_from_decision(known.truth, decision)
+            record = replace(record, lies_on=_lies_on(known, answered))
+            if not p_open_known:
+                record = replace(record, p_open=math.nan)
+            runs.records.setdefault(label, []).append(record)
+            runs.answers.setdefault(label, []).append(answered)
+    _some_left(runs.records, runs.left_out)
+    return runs
+
+
+def answer_json(name: str, place: str, label: Label, decision: Decision) -> dict[str, Any]:
+    """`Decision.to_dict` with what evaluation needs beside it; `record_from_json` reads it."""
+    selection = decision.selection
+    return {
+        **decision.to_dict(name),
+        "place": place,
+        "method": label.method,
+        "network": label.network,
+        "selection": {
+            "bearing_deg": selection.bearing_deg,
+            "range_m": selection.range_m,
+            "clear": selection.clear,
+        },
+    }
+
+
+def methods_on(
+    network: BaseNetwork | None,
+    name: str,
+    methods: Sequence[str],
+    truth_depth: bool = False,
+    open_gate: bool = False,
+    params: OpeningParams | None = None,
+    gates: Gates | None = None,
+) -> Answer:
+    """An `answer` for run_direction: several methods on one pass of one network.
+
+    network None: nothing but true depth is known, and the gate is open. truth_depth: depth is
+    the true one; columns, floor and p_open stay the network's. open_gate: every picture counts
+    as holding a doorway (p_open 1), which shows the selection without the classifier. params,
+    gates: limits; default: as `pipeline.Pipeline` has them.
+    """
+    if params is None:
+        limits = {} if network is None else thresholds_of(network)
+        params = override(OpeningParams(), limits)
+    select: dict[str, Callable[[Perception, Frame], Selection]] = {
+        "opening": lambda seen, frame: select_opening(seen, frame, params),
+        "paper": select_paper,
+    }
+    for method in methods:
+        if method not in select:
+            raise CallError(f"expected methods of {', '.join(select)}, got '{method}'")
+    if network is None and "opening" in methods:
+        raise CallError(
+            "the opening method needs a network's opening columns; give --network, or only "
+            "--method paper"
+        )
+    label = name + (" + true depth" if truth_depth and network is not None else "")
+
+    def answer(frame: Frame, depth_m: NDArray[np.float32] | None) -> dict[Label, Decision]:
+        seen = Perception(p_open=1.0) if network is None else network(frame.image, frame.camera)
+        if truth_depth or network is None:
+            if depth_m is None:
+                raise UserError("true depth is asked for and a picture has none")
+            seen = replace(seen, depth_m=depth_m, depth_error=0.0, relative=None)
+        seen = in_metres(seen, frame)
+        if open_gate:
+            seen = replace(seen, p_open=1.0)
+        return {
+            Label(method, label): decide(seen, select[method](seen, frame), frame, method, gates)
+            for method in methods
+        }
+
+    return answer
+
+
+def pipeline_answer(label: Label, pipeline: Decide) -> Answer:
+    """An `answer` for run_direction from a pipeline or any function of a frame."""
+    return lambda frame, _: {label: pipeline(frame)}
+
+
+def read_answers(paths: Sequence[Path]) -> dict[Label, dict[str, dict[str, Any]]]:
+    """Stored answers, one JSON object a line, by column and by the picture's name as written."""
+    answers: dict[Label, dict[str, dict[str, Any]]] = {}
+    for path in paths:
+        try:
+            lines = path.read_text(encoding="utf-8").splitlines()
+        except (OSError, UnicodeDecodeError) as error:
+            raise UserError(f"cannot read the stored answers {path}: {error}") from error
+        for number, line in enumerate(lines, 1):
+            if not line.strip():
+                continue
+            try:
+                answer = json.loads(line)
+                label = Label(str(answer["method"]), str(answer["network"]))
+                answers.setdefault(label, {})[str(answer["image"])] = answer
+            except (ValueError, KeyError, TypeError) as error:
+                raise UserError(
+                    f"{path} line {number}: expected an object as `3ds look --json` writes it"
+                ) from error
+    if not answers:
+        raise UserError(f"{', '.join(map(str, paths))}: no stored answers")
+    return answers
+
+
+def match_answers(
+    samples: Iterable[Sample], stored: Mapping[Label, Mapping[str, dict[str, Any]]]
+) -> DirectionRuns:
+    """Records of stored answers, of the pictures that every column answers."""
+    runs = DirectionRuns()
+    by_end = {label: _by_name_end(answers) for label, answers in stored.items()}
+    for sample in samples:
+        if not all(sample.name in ends for ends in by_end.values()):
+            runs.left_out[sample.name] = "a column of the table has no stored answer for it"
+            continue
+        try:
+            known = _known(sample)
+        except UserError as error:
+            runs.left_out[sample.name] = str(error)
+            continue
+        for label, ends in by_end.items():
+            answer = ends[sample.name]
+            try:
+                record = record_from_json(known.truth, answer)
+                record = replace(record, lies_on=_lies_on(known, answer))
+            except (KeyError, TypeError, ValueError) as error:
+                raise UserError(
+                    f"the stored answer of {label} to {sample.name} lacks or spoils {error}"
+                ) from error
+            runs.records.setdefault(label, []).append(record)
+            runs.answers.setdefault(label, []).append(answer)
+    _some_left(runs.records, runs.left_out)
+    return runs
+
+
+def run_classifier(
+    samples: Iterable[Sample], networks: Mapping[str, Network]
+) -> tuple[dict[str, list[ClassifierRecord]], dict[str, str]]:
+    """Each network's records, and the pictures left out; half-open pictures are left out."""
+    records: dict[str, list[ClassifierRecord]] = {name: [] for name in networks}
+    left_out: dict[str, str] = {}
+    for sample in samples:
+        if sample.is_open is None:
+            left_out[sample.name] = "half open: neither class"
+            continue
+        try:
+            frame = load_frame(sample)
+            kinds = () if sample.is_open else kinds_shown(sample, load_labels(sample))
+        except UserError as error:
+            left_out[sample.name] = str(error)
+            continue
+        for name, network in networks.items():
+            p_open = float(network(frame.image, frame.camera).p_open)
+            records[name].append(
+                ClassifierRecord(sample.name, sample.place, sample.is_open, p_open, kinds)
+            )
+    _some_left(records, left_out)
+    return records, left_out
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """How a depth map is compared: which pixels, and whether two mirrorings are averaged."""
+
+    network: str
+    crop: str  # "eigen" or "whole"
+    mirrored: bool
+
+    def __str__(self) -> str:
+        return f"{self.network}, {self.crop}, {'mirrored average' if self.mirrored else 'one pass'}"
+
+
+def run_depth(
+    samples: Iterable[Sample], networks: Mapping[str, Network], mirror: bool
+) -> tuple[dict[Protocol, list[DepthRecord]], dict[str, str]]:
+    """Each network's records under each protocol that the samples allow."""
+    records: dict[Protocol, list[DepthRecord]] = {}
+    left_out: dict[str, str] = {}
+    for sample in samples:
+        try:
+            frame, truth = load_frame(sample), load_depth(sample)
+        except UserError as error:
+            left_out[sample.name] = str(error)
+            continue
+        if truth is None:
+            left_out[sample.name] = "no true depth"
+            continue
+        boxes: dict[str, tuple[int, int, int, int] | None] = {"whole": None}
+        if sample.eigen_box is not None:
+            boxes["eigen"] = sample.eigen_box
+        for name, network in networks.items():
+            for mirrored, depth_m in predicted_depth(name, network, frame, mirror):
+                for crop, box in boxes.items():
+                    record = depth_scores.compare(sample.name, sample.place, depth_m, truth, box)
+                    records.setdefault(Protocol(name, crop, mirrored), []).append(record)
+    _some_left(records, left_out)
+    return records, left_out
+
+
+def worst_depth(
+    samples: Iterable[Sample],
+    records: Mapping[Protocol, Sequence[DepthRecord]],
+    networks: Mapping[tuple[str, str], Network],
+    count: int,
+) -> dict[str, list[tuple[Sample, NDArray[np.float32], DepthRecord]]]:
+    """By network, its `count` pictures of lowest delta1, with the map predicted in one pass.
+
+    networks: by network's and picture's name, as folds have networks of their own.
+    """
+    by_name = {s.name: s for s in samples}
+    worst: dict[str, list[tuple[Sample, NDArray[np.float32], DepthRecord]]] = {}
+    for protocol, column in records.items():
+        if protocol.mirrored or protocol.crop != "whole":
+            continue
+        known = sorted((r for r in column if r.errors.pixels), key=lambda r: r.errors.delta1)
+        cases = []
+        for record in known[:count]:
+            sample, network = by_name[record.image], networks[protocol.network, record.image]
+            ((_, depth_m),) = predicted_depth(
+                protocol.network, network, load_frame(sample), mirror=False
+            )
+            cases.append((sample, depth_m, record))
+        worst[protocol.network] = cases
+    return worst
+
+
+def predicted_depth(
+    name: str, network: Network, frame: Frame, mirror: bool
+) -> Iterator[tuple[bool, NDArray[np.float32]]]:
+    """(False, map) and, with `mirror`, (True, average of both mirrorings)."""
+
+    def depth_of(frame: Frame) -> NDArray[np.float32]:
+        depth_m = in_metres(network(frame.image, frame.camera), frame).depth_m
+        if depth_m is None:
+            raise UserError(f"network '{name}' gives no depth")
+        return depth_m
+
+    plain = depth_of(frame)
+    yield False, plain
+    if mirror:
+        image = np.ascontiguousarray(frame.image[:, ::-1])
+        flipped = Frame(image, frame.camera.mirrored(), frame.pose.mirrored())
+        yield True, depth_scores.average_with_mirrored(plain, depth_of(flipped))
+
+
+@dataclass(frozen=True)
+class _Known:
+    """A sample's files, read. labels: only where there is no doorway."""
+
+    frame: Frame
+    depth_m: NDArray[np.float32] | None
+    truth: PictureTruth
+    labels: NDArray[np.uint8] | None
+
+
+def _known(sample: Sample) -> _Known:
+    frame, depth_m = load_frame(sample), load_depth(sample)
+    truth = picture_truth(sample, frame, depth_m)
+    if sample.is_open is not False:
+        return _Known(frame, depth_m, truth, None)
+    labels = load_labels(sample)
+    return _Known(frame, depth_m, replace(truth, kinds=kinds_shown(sample, labels)), labels)
+
+
+def _lies_on(known: _Known, answer: Mapping[str, Any]) -> str | None:
+    """The kind under the best candidate of an answer as `answer_json` gives it."""
+    if known.labels is None:
+        return None
+    span = kind_scores.candidate_deg(answer)
+    return "" if span is None else kind_scores.kind_under(known.labels, known.frame, *span)
+
+
+def _by_name_end(answers: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Answers by every tail of their path, so that `photos/images/a.jpg` answers `a.jpg`."""
+    ends: dict[str, dict[str, Any]] = {}
+    for written, answer in answers.items():
+        parts = Path(written).parts
+        for start in range(len(parts)):
+            ends.setdefault("/".join(parts[start:]), answer)
+    return ends
+
+
+def _some_left(records: Mapping[Any, Sequence[Any]], left_out: Mapping[str, str]) -> None:
+    if not any(records.values()):
+        why = next(iter(left_out.values()), "the selection holds none")
+        raise UserError(f"no picture is left to score: {why}")

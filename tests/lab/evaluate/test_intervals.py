@@ -1,0 +1,92 @@
+import math
+
+import numpy as np
+import pytest
+
+from doorway3ds.lab.evaluate.intervals import bootstrap, mean_interval, paired_difference, wilson
+
+
+def mean_of(values):
+    array = np.asarray(values, float)
+    return lambda indices: np.array([array[indices].mean()])
+
+
+@pytest.mark.parametrize(
+    ("successes", "n", "low", "high"),
+    [
+        (8, 10, 0.4902, 0.9433),  # Newcombe 1998's method 3 on small samples
+        (0, 10, 0.0, 0.2775),
+        (10, 10, 0.7225, 1.0),
+        (81, 263, 0.2553, 0.3662),  # Newcombe 1998, table I
+    ],
+)
+def test_wilson_against_printed_values(successes, n, low, high):
+    interval = wilson(successes, n)
+    assert (interval.low, interval.high) == pytest.approx((low, high), abs=1e-4)
+    assert interval.value == successes / n
+
+
+def test_wilson_of_nothing_is_unknown_and_null_in_json():
+    assert wilson(0, 0).to_dict() == {"value": None, "low": None, "high": None, "n": 0}
+
+
+def test_wilson_refuses_more_successes_than_trials():
+    with pytest.raises(ValueError, match="11 of 10"):
+        wilson(11, 10)
+
+
+def test_wilson_covers_the_true_share():
+    rng = np.random.default_rng(0)
+    covered = [
+        (i := wilson(int(rng.binomial(60, 0.1)), 60)).low <= 0.1 <= i.high for _ in range(1000)
+    ]
+    assert 0.92 < np.mean(covered) < 0.98
+
+
+def test_bootstrap_by_place_covers_and_by_picture_does_not():
+    """40 places of 10 pictures that share their place's level: the pictures are no trials."""
+    rng = np.random.default_rng(1)
+    places = [f"{g}" for g in range(40) for _ in range(10)]
+    pictures = [f"{i}" for i in range(400)]
+    by_place = by_picture = 0
+    for trial in range(100):
+        values = np.repeat(rng.normal(size=40), 10) + 0.3 * rng.normal(size=400)
+        for names, add in ((places, 1), (pictures, 0)):
+            _, low, high = bootstrap(mean_of(values), names, repeats=200, seed=trial)
+            inside = bool(low[0] <= 0 <= high[0])
+            by_place += inside * add
+            by_picture += inside * (1 - add)
+    assert by_place >= 87
+    assert by_picture <= 65
+
+
+def test_bootstrap_repeats_with_its_seed():
+    values, places = np.arange(30.0), [str(i // 3) for i in range(30)]
+    first = bootstrap(mean_of(values), places, repeats=100, seed=5)
+    again = bootstrap(mean_of(values), places, repeats=100, seed=5)
+    assert first[1] == again[1] and first[2] == again[2]
+
+
+def test_no_interval_from_one_place_or_without_repeats():
+    for places, repeats in ((["a"] * 4, 100), (["a", "b", "c", "d"], 0)):
+        value, low, high = bootstrap(mean_of([1, 2, 3, 4]), places, repeats=repeats)
+        assert value[0] == 2.5
+        assert math.isnan(low[0]) and math.isnan(high[0])
+
+
+def test_unknown_values_are_left_out_of_the_mean():
+    interval = mean_interval([1.0, math.nan, 3.0], ["a", "b", "c"], repeats=200)
+    assert (interval.value, interval.n) == (2.0, 2)
+    assert interval.low == 1.0 and interval.high == 3.0
+
+
+def test_paired_difference_is_narrower_than_its_parts():
+    rng = np.random.default_rng(2)
+    hard = np.repeat(rng.normal(size=20), 5)
+    places = [str(i // 5) for i in range(100)]
+    a, b = mean_of(hard), mean_of(hard + 0.1 + 0.05 * rng.normal(size=100))
+    value, low, high = paired_difference(a, b, places, repeats=500)
+    _, a_low, a_high = bootstrap(a, places, repeats=500)
+    assert value[0] == pytest.approx(0.1, abs=0.02)
+    assert low[0] > 0
+    assert high[0] - low[0] < (a_high[0] - a_low[0]) / 10
