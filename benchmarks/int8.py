@@ -35,9 +35,9 @@ from onnxruntime.quantization import (
 from doorway3ds.lab.benchmark import machine
 from doorway3ds.lab.datasets.readers import read_dataset
 from doorway3ds.lab.datasets.samples import load_frame, place_folds
+from doorway3ds.lab.train.onnx.tidy import tidy
 from doorway3ds.networks.doornet import place, prepare
 from doorway3ds.networks.session import digest
-from doorway3ds.train.tidygraph import tidy
 
 METHODS = {
     "minmax": CalibrationMethod.MinMax,

@@ -14,7 +14,7 @@ from tests import tinynets
 from tests.pictures import encode, scene
 
 # Tests of training import torch and keras at their head; the core's tests run without them.
-collect_ignore = [] if find_spec("torch") and find_spec("keras") else ["train"]
+collect_ignore = [] if find_spec("torch") and find_spec("keras") else ["lab/train"]
 
 
 class Ran(NamedTuple):

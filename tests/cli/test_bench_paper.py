@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from doorway3ds.train import convert
+from doorway3ds.lab.train.paper import convert
 from tests import tinynets
 from tests.conftest import Cli
 

@@ -91,7 +91,7 @@ def _paper_pair(folder: Path) -> str:
     for name in PAPER:
         path = find(name).path
         if not path.is_file():
-            from doorway3ds.train.convert import write_untrained
+            from doorway3ds.lab.train.paper.convert import write_untrained
 
             path = folder / f"{name}.onnx"
             write_untrained(name, path)

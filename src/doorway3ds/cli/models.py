@@ -67,7 +67,7 @@ def import_file(
     from doorway3ds.networks.registry import install
 
     if file.suffix.lower() in (".h5", ".hdf5", ".keras"):
-        from doorway3ds.train.convert import import_published
+        from doorway3ds.lab.train.paper.convert import import_published
 
         path, difference = import_published(name, file, licence)
         typer.echo(

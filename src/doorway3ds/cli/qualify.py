@@ -74,10 +74,11 @@ def qualify(
         raise CallError(f"--out is the site model's file, such as site.onnx, got {out}")
     if not learning_rate > 0:
         raise CallError(f"--learning-rate must be above 0, got {learning_rate:g}")
-    from doorway3ds.train import engine, outcome
-    from doorway3ds.train.qualify import network_file, part, read_site, write_model
-    from doorway3ds.train.qualify import qualify as run
-    from doorway3ds.train.qualifyfit import TuneOptions
+    from doorway3ds.lab.train.engine import backend as engine
+    from doorway3ds.lab.train.engine import outcome
+    from doorway3ds.lab.train.site.fit import TuneOptions
+    from doorway3ds.lab.train.site.qualify import network_file, part, read_site, write_model
+    from doorway3ds.lab.train.site.qualify import qualify as run
 
     if report is not None:
         outcome.require_plots()
@@ -129,7 +130,7 @@ def qualify(
     if done.model is not None:
         write_model(done, out)
     if report is not None:
-        from doorway3ds.train import qualifyreport
+        from doorway3ds.lab.train.site import report as qualifyreport
 
         say(f"wrote {qualifyreport.write(done, report)}")
     to_stdout = json_file is not None and str(json_file) == "-"
@@ -139,7 +140,7 @@ def qualify(
         from rich.console import Console
 
         from doorway3ds.cli._tables import print_tables
-        from doorway3ds.train.qualifyscore import table
+        from doorway3ds.lab.train.site.score import table
 
         print_tables(Console(), [table(done.comparison)])
     tell = say if to_stdout else typer.echo

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from doorway3ds.lab.datasets.doors import DoorPictures
     from doorway3ds.lab.evaluate.paper.reproduce import Answer
     from doorway3ds.lab.evaluate.report.html import Report
-    from doorway3ds.train.srinepochs import EpochScores
-    from doorway3ds.train.srinrun import SrinOptions
+    from doorway3ds.lab.train.paper.srinepochs import EpochScores
+    from doorway3ds.lab.train.paper.srinrun import SrinOptions
 
 
 def reproduce(
@@ -78,7 +78,8 @@ def reproduce(
     if dataset is not None and out is None:
         raise CallError("--dataset trains; add --out DIR for its features and checkpoints")
     if dataset is not None:
-        from doorway3ds.train import engine, outcome
+        from doorway3ds.lab.train.engine import backend as engine
+        from doorway3ds.lab.train.engine import outcome
 
         engine.start(threads)  # a missing extra is told before anything takes long
         outcome.require_plots()
@@ -104,7 +105,7 @@ def reproduce(
     if dataset is not None and out is not None:
         from doorway3ds.lab.datasets.doors import read_door_pictures
         from doorway3ds.lab.datasets.readers import read_places
-        from doorway3ds.train.srinrun import SrinOptions
+        from doorway3ds.lab.train.paper.srinrun import SrinOptions
 
         count = Count()
         found = read_door_pictures(
@@ -165,7 +166,7 @@ def _of_classes(found: DoorPictures) -> str:
 
 def _train(found: DoorPictures, options: SrinOptions, folder: Path) -> EpochScores:
     from doorway3ds.lab.evaluate.paper import printed
-    from doorway3ds.train.srinepochs import score_epochs
+    from doorway3ds.lab.train.paper.srinepochs import score_epochs
 
     say(_of_classes(found))
     count = Count()

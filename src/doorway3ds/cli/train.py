@@ -32,8 +32,8 @@ from doorway3ds.cli._training import Count, Watch, command_line, say
 from doorway3ds.errors import CallError
 
 if TYPE_CHECKING:
-    from doorway3ds.train.engine import Team
-    from doorway3ds.train.loop import Watcher
+    from doorway3ds.lab.train.engine.backend import Team
+    from doorway3ds.lab.train.engine.loop import Watcher
 
 app = typer.Typer(help="Train networks from pictures.", no_args_is_help=True)
 
@@ -92,9 +92,9 @@ def doornet(
     from dataclasses import replace
 
     from doorway3ds.lab.datasets.samples import parse_split
-    from doorway3ds.train import engine
-    from doorway3ds.train.recipe import read_recipe
-    from doorway3ds.train.run import Teachers, train_doornet
+    from doorway3ds.lab.train.doornet.recipe import read_recipe
+    from doorway3ds.lab.train.doornet.run import Teachers, train_doornet
+    from doorway3ds.lab.train.engine import backend as engine
 
     _require_precision(precision)
     engine.start(threads)
@@ -134,7 +134,7 @@ def limits(
     split: Annotated[str, typer.Option(metavar="K/N", help="The fold that was held out.")],
 ) -> None:
     """Choose the limits of the opening method for a trained doornet, on its held-out places."""
-    from doorway3ds.train.tune import tune_run
+    from doorway3ds.lab.train.doornet.tune import tune_run
 
     found = tune_run(folder, dataset, split, lambda line: typer.echo(line, err=True))
     typer.echo(f"{folder / 'doornet.onnx'} now carries {found}")
@@ -175,8 +175,9 @@ def cnn_srin(
     """Train the paper's classifier on pictures with and without an open doorway."""
     from doorway3ds.lab.datasets.doors import read_door_pictures
     from doorway3ds.lab.datasets.readers import read_places
-    from doorway3ds.train import engine, outcome
-    from doorway3ds.train.srinrun import SrinOptions, train_cnn_srin
+    from doorway3ds.lab.train.engine import backend as engine
+    from doorway3ds.lab.train.engine import outcome
+    from doorway3ds.lab.train.paper.srinrun import SrinOptions, train_cnn_srin
 
     _require_precision(precision)
     engine.start(threads)
@@ -275,10 +276,11 @@ def densedepth(
     threads: TrainThreads = None,
 ) -> None:
     """Train the paper's depth network (DenseNet-169) on pictures with depth."""
-    from doorway3ds.train import engine, outcome
-    from doorway3ds.train.densedepth import SETTINGS
-    from doorway3ds.train.depthpairs import read_depth_pairs
-    from doorway3ds.train.depthrun import DepthOptions, train_densedepth
+    from doorway3ds.lab.train.engine import backend as engine
+    from doorway3ds.lab.train.engine import outcome
+    from doorway3ds.lab.train.paper.densedepth import SETTINGS
+    from doorway3ds.lab.train.paper.depthpairs import read_depth_pairs
+    from doorway3ds.lab.train.paper.depthrun import DepthOptions, train_densedepth
 
     _require_precision(precision)
     if setting not in SETTINGS:
@@ -363,7 +365,7 @@ def _say_written(name: str, out: Path, card: dict[str, Any]) -> None:
 
 def _watch(epochs: int, out: Path, tensorboard: bool, team: Team) -> Watcher:
     """The live line, and TensorBoard where asked for."""
-    from doorway3ds.train.watch import TensorBoard, Together
+    from doorway3ds.lab.train.engine.watch import TensorBoard, Together
 
     live = Watch(epochs)
     if not tensorboard or not team.leads:

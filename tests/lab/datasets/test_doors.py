@@ -8,8 +8,8 @@ import pytest
 
 from doorway3ds.errors import UserError
 from doorway3ds.lab.datasets.doors import read_door_pictures, split_pictures
-from doorway3ds.train.srinrun import training_rows
-from tests.train.doors import classes, room, save
+from doorway3ds.lab.train.paper.srinrun import training_rows
+from tests.lab.train.doors import classes, room, save
 
 pytestmark = pytest.mark.train
 

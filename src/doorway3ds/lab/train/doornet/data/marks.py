@@ -1,0 +1,96 @@
+"""Closer marks for a data set that tells less: exact openings where it has only boxes."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from doorway3ds.errors import UserError
+from doorway3ds.lab.train.doornet.data.samples import CONFIDENCE, Sample, Span
+
+_COLUMNS = ("image", "open", "left", "right", "clear", "confidence")
+_WEIGHT = {str(sure): weight for sure, weight in CONFIDENCE.items()}
+
+
+@dataclass(frozen=True)
+class Mark:
+    """What somebody saw in one picture: its openings, as fractions of the width; none = closed."""
+
+    spans: tuple[tuple[float, float, int | None], ...]
+    weight: float
+
+
+def read_marks(path: Path) -> dict[str, Mark]:
+    """Marks by picture: a CSV with image, open, left, right, clear and confidence.
+
+    left and right are fractions of the picture's width, cut at its edges; several rows of one
+    picture are several openings. clear is 1, 0 or empty, confidence 3 (certain) to 1 (guess).
+    Raises UserError naming the first line that is none of this.
+    """
+    found: dict[str, Mark] = {}
+    try:
+        with path.open(newline="", encoding="utf-8") as stream:
+            rows = csv.DictReader(stream)
+            missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
+            if missing:
+                raise UserError(f"{path} has no column {', '.join(missing)}")
+            for number, row in enumerate(rows, start=2):
+                try:
+                    mark = _mark(row)
+                except (ValueError, KeyError) as error:
+                    raise UserError(
+                        f"{path} line {number}: expected open 0 or 1, left < right within 0..1, "
+                        f"clear 0, 1 or empty and confidence 1..3, got {dict(row)}"
+                    ) from error
+                seen = found.get(row["image"])
+                found[row["image"]] = mark if seen is None else _both(seen, mark)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise UserError(f"cannot read the marks {path}: {error}") from error
+    return found
+
+
+def _mark(row: Mapping[str, str]) -> Mark:
+    weight = _WEIGHT[row["confidence"]]
+    if row["open"] == "0":
+        return Mark((), weight)
+    left, right = float(row["left"]), float(row["right"])
+    if row["open"] != "1" or not 0 <= left < right <= 1:
+        raise ValueError
+    clear = {"": None, "0": 0, "1": 1}[row["clear"]]
+    return Mark(((left, right, clear),), weight)
+
+
+def _both(one: Mark, other: Mark) -> Mark:
+    return Mark(one.spans + other.spans, min(one.weight, other.weight))
+
+
+def apply_marks(samples: Sequence[Sample], marks: Mapping[str, Mark]) -> list[Sample]:
+    """The samples with the openings of `marks` where there are any for a picture of that name.
+
+    A picture that its data set calls open and the marks do not shows an open door to no other
+    room, a closet's: nobody knows what to call it, and it is left out of the opening labels.
+
+    Raises UserError where no picture has a mark.
+    """
+
+    def marked(sample: Sample) -> Sample:
+        mark = marks.get(sample.name)
+        if mark is None:
+            return sample
+        if sample.spans and not mark.spans:
+            return replace(sample, spans=(), open=None, weight=0.0)
+        width = sample.image.shape[1]
+        spans = tuple(
+            Span(left * width - 0.5, right * width - 0.5, clear=clear)
+            for left, right, clear in mark.spans
+        )
+        is_open, extra = sample.open, sample.extra
+        if is_open == 0 and spans:
+            is_open, extra = 1, {key: value for key, value in extra.items() if key != "leaf"}
+        return replace(sample, open=is_open, spans=spans, weight=mark.weight, extra=extra)
+
+    if not any(sample.name in marks for sample in samples):
+        raise UserError(f"none of the {len(marks)} marked pictures is in the data sets")
+    return [marked(sample) for sample in samples]

@@ -1,0 +1,205 @@
+"""doornet: one forward pass gives p_open, opening columns, depth and floor.
+
+MobileNetV2 with scene-parsing weights sees the picture, a decoder joins its strides 16, 8 and
+4. Rows are then pooled by learned attention, so that the columns of the picture become a
+sequence on which dilated convolutions find where an opening begins and ends (a one-dimensional
+FCOS: every column inside an opening votes for its edges; Tian et al., ICCV 2019).
+
+Depth is FastDepth's with a learned correction. FastDepth has seen the photographs that carry
+labels of doorways, and knows their depth better than that of any other room; so nothing else
+rests on its features, or openings would be learned from a depth that no new room ever shows.
+The decoder guesses depth of its own, too: only to learn the shape of rooms by it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from doorway3ds.lab.train.doornet.backbones import Source, Tensor, fastdepth, mobilenet_v2
+
+# focal length in pixels of the network's input for which `depth` is metric; other cameras
+# scale it by their own (a lens that magnifies makes things look nearer)
+CANONICAL_F_PX = 214.0
+# FastDepth was trained at about this focal length (NYU, 640 px shrunk to 304 and cropped)
+FASTDEPTH_F_PX = 250.0
+
+_TYPICAL_M = 2.5  # what the decoder's own depth starts from
+
+SEGMENTS = ("other", "wall", "floor", "door", "window", "ceiling")
+
+
+@dataclass(frozen=True)
+class DoorNetConfig:
+    """Widths of the decoder by stride, and of the column head."""
+
+    width_16: int = 128
+    width_8: int = 96
+    width_4: int = 64
+    width_columns: int = 96
+    attention_heads: int = 4
+    dropout: float = 0.3
+
+
+@dataclass(frozen=True)
+class DoorNet:
+    """The network and its two halves, which share all weights with it.
+
+    Training with frozen encoders runs the first half in ONNX Runtime, which is three times as
+    fast on a CPU, and learns the second.
+    """
+
+    whole: Any  # image -> outputs
+    encoder: Any  # image -> features, a list
+    decoder: Any  # features -> outputs
+
+
+def build_doornet(
+    semantic_weights: Source,
+    depth_weights: Source,
+    config: DoorNetConfig = DoorNetConfig(),
+) -> DoorNet:
+    """A Keras model from (B, 3, h, w) RGB 0..255, h and w multiples of 32.
+
+    Outputs, as a dict: p_open (B,) logit; score (B, N) logits; left, right (B, N) distances
+    from a strip's centre to the opening's edges as fractions of the width; clear (B, N) logits
+    that the way to the opening in this strip is free; depth
+    (B, h/2, w/2) canonical metres; floor (B, h/4, w/4) logits; and for training only segments
+    (B, 6, h/4, w/4) logits and depth_own, the decoder's own guess. N = w / 4.
+    """
+    import keras
+    from keras import layers
+
+    image = keras.Input((3, None, None), name="image")
+    semantic = mobilenet_v2(layers.Rescaling(1 / 127.5, -1.0)(image), semantic_weights)
+    metric = fastdepth(layers.Rescaling(1 / 255.0)(image), depth_weights)
+    features = [semantic[key] for key in ("top", "s16", "s8", "s4")]
+    features += [metric[key] for key in ("s4", "depth")]
+    encoder = keras.Model(image, features, name="encoder")
+    inputs = [keras.Input((f.shape[1], None, None)) for f in features]
+    decoder = keras.Model(inputs, _decode(inputs, config), name="decoder")
+    whole = keras.Model(image, decoder(encoder(image)), name="doornet")
+    return DoorNet(whole, encoder, decoder)
+
+
+def split_at(net: DoorNet, thaw: tuple[int, int]) -> tuple[Any, Any]:
+    """(front, rest): what stays as it is while both encoders learn from convolutions `thaw` on.
+
+    rest(front(image)) is the whole network, and layers are shared. A front may run in ONNX
+    Runtime, which is three times as fast on a CPU. None where there is no such cut: the depth
+    encoder learns, too, or the cut would fall inside a residual block.
+    """
+    import keras
+
+    semantic, metric = thaw
+    names = {layer.name for layer in net.encoder.layers}
+    if semantic == 0 or f"fd_{metric:02d}" in names:
+        return None, net.whole
+    if f"sem_{semantic:02d}" not in names:
+        return net.encoder, net.decoder
+    cut = net.encoder.get_layer(f"sem_{semantic:02d}").input
+    image, outputs = net.encoder.inputs[0], list(net.encoder.outputs)
+    behind: list[int] = []
+    for index, output in enumerate(outputs):
+        try:
+            keras.Model(cut, output)
+            behind.append(index)
+        except ValueError:
+            continue  # made before the cut, or by the other encoder
+    if not behind:
+        return None, net.whole
+    before = [index for index in range(len(outputs)) if index not in behind]
+    front = keras.Model(image, [cut, *(outputs[index] for index in before)])
+    tail = keras.Model(cut, [outputs[index] for index in behind])
+    inputs = [keras.Input((f.shape[1], None, None)) for f in front.outputs]
+    features: list[Any] = [None] * len(outputs)
+    for index, tensor in zip(before, inputs[1:], strict=True):
+        features[index] = tensor
+    made = tail(inputs[0])
+    for index, tensor in zip(behind, made, strict=True):
+        features[index] = tensor
+    return front, keras.Model(inputs, net.decoder(features))
+
+
+def _decode(features: list[Tensor], config: DoorNetConfig) -> dict[str, Tensor]:
+    import keras
+    from keras import layers, ops
+
+    top, semantic_16, semantic_8, semantic_4, metric_4, metres = features
+
+    def conv(x: Tensor, filters: int, size: int | tuple[int, int] = 1, **options: Any) -> Tensor:
+        x = layers.Conv2D(filters, size, padding="same", use_bias=False, **options)(x)
+        x = layers.BatchNormalization(axis=1, momentum=0.9)(x)
+        return layers.Activation("relu")(x)
+
+    def separable(x: Tensor, filters: int) -> Tensor:
+        x = layers.DepthwiseConv2D(5, padding="same", use_bias=False)(x)
+        x = layers.BatchNormalization(axis=1, momentum=0.9)(x)
+        return conv(x, filters)
+
+    def up(x: Tensor) -> Tensor:
+        return layers.UpSampling2D(2, interpolation="bilinear")(x)
+
+    join = layers.Concatenate(axis=1)
+    deep = conv(join([top, semantic_16]), config.width_16)
+    deep = separable(deep, config.width_16)
+    middle = conv(join([up(deep), semantic_8]), config.width_8)
+    middle = separable(middle, config.width_8)
+    fine = conv(join([up(middle), semantic_4]), config.width_4)
+    fine = separable(fine, config.width_4)
+
+    segments = layers.Conv2D(len(SEGMENTS), 1, name="segments")(fine)
+    floor = layers.Conv2D(1, 1, name="floor_head")(fine)
+    own = layers.Conv2D(
+        1, 1, bias_initializer=keras.initializers.Constant(math.log(_TYPICAL_M)), name="own_head"
+    )(fine)
+    # the correction starts at zero: training begins at FastDepth's own answer
+    near = separable(join([fine, metric_4]), config.width_4)
+    correction = layers.Conv2D(1, 1, kernel_initializer="zeros", name="depth_head")(near)
+    depth_own = ops.exp(up(own))
+    depth = metres * (CANONICAL_F_PX / FASTDEPTH_F_PX) * ops.exp(up(correction))
+
+    # columns: rows pooled by attention, one softmax a head, and by maximum
+    heads = config.attention_heads
+    logits = layers.Conv2D(heads, 1, name="row_attention")(fine)
+    weights = layers.Softmax(axis=2)(logits)
+    pooled = [
+        ops.sum(fine * weights[:, head : head + 1], axis=2, keepdims=True) for head in range(heads)
+    ]
+    pooled.append(ops.max(fine, axis=2, keepdims=True))
+    context = ops.mean(deep, axis=2, keepdims=True)
+    context = layers.UpSampling2D((1, 4), interpolation="nearest")(context)
+    columns = conv(join([*pooled, context]), config.width_columns)
+    columns = layers.SpatialDropout2D(config.dropout)(columns)
+    for dilation in (1, 2, 4, 8):
+        step = conv(columns, config.width_columns, (1, 5), dilation_rate=(1, dilation))
+        columns = layers.Add()([columns, step])
+
+    def column_output(name: str) -> Tensor:
+        return layers.Conv2D(1, (1, 3), padding="same", name=name)(columns)[:, 0, 0, :]
+
+    score = column_output("score_head")
+    clear = column_output("clear_head")
+    left = ops.softplus(column_output("left_head"))
+    right = ops.softplus(column_output("right_head"))
+
+    # what the encoder already knew of scenes, beside what the columns show
+    pooled = [ops.max(columns, axis=(2, 3)), ops.mean(columns, axis=(2, 3))]
+    pooled += [f(x, axis=(2, 3)) for x in (top, semantic_16) for f in (ops.mean, ops.max)]
+    whole = layers.BatchNormalization(momentum=0.9)(join([*pooled, ops.mean(deep, axis=(2, 3))]))
+    whole = layers.Dropout(config.dropout)(whole)
+    whole = layers.Dense(64, activation="relu")(whole)
+    p_open = layers.Dense(1, name="p_open_head")(whole)
+
+    return {
+        "p_open": p_open[:, 0],
+        "score": score,
+        "left": left,
+        "right": right,
+        "clear": clear,
+        "depth": depth[:, 0],
+        "depth_own": depth_own[:, 0],
+        "floor": floor[:, 0],
+        "segments": segments,
+    }

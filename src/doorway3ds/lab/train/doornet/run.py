@@ -1,0 +1,321 @@
+"""One training of doornet from data sets to the ONNX file, its calibration and its card."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import platform
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from doorway3ds.errors import UserError
+from doorway3ds.files import write_bytes
+from doorway3ds.lab.datasets.readers import guess_layout
+from doorway3ds.lab.datasets.samples import place_folds
+from doorway3ds.lab.train.doornet.data.augment import view
+from doorway3ds.lab.train.doornet.data.compose import compose
+from doorway3ds.lab.train.doornet.data.marks import apply_marks, read_marks
+from doorway3ds.lab.train.doornet.data.samples import (
+    Sample,
+    cluster_places,
+    read_doors,
+    read_marked,
+    read_nyu,
+    read_rendered,
+)
+from doorway3ds.lab.train.doornet.data.teachers import add_depth, add_segments, describe
+from doorway3ds.lab.train.doornet.export import Calibration, export_onnx
+from doorway3ds.lab.train.doornet.fit import collate, fit, plain_shape, save_weights
+from doorway3ds.lab.train.doornet.model import DoorNet, build_doornet
+from doorway3ds.lab.train.doornet.recipe import Recipe
+from doorway3ds.lab.train.doornet.report import write_report
+from doorway3ds.lab.train.engine import outcome
+from doorway3ds.lab.train.engine.backend import ALONE, Team, wants_half
+from doorway3ds.lab.train.engine.calibrate import platt, relative_depth_error
+from doorway3ds.lab.train.engine.loop import Watcher
+from doorway3ds.networks.session import digest
+
+# what the network's file says of itself; the card beside it says the rest
+_SHOWN = ("name", "date", "depth_error", "held_out", "pictures", "thresholds", "costs")
+# FastDepth's relative error on rooms that it has not seen; those of NYU's training split it has
+_FASTDEPTH_ERROR = 0.16
+# readers of folders with doorways.csv, by layout
+_READERS = {"nyu": read_nyu, "rendered": read_rendered, "plain": read_marked}
+
+_SEEN_BY_CALIBRATION = (
+    "Scores are of the held-out places. The calibration of p_open has been fitted on them, and "
+    "early stopping, where asked for, looks at them: --report K keeps a further fold from both."
+)
+_SEEN_BY_NOTHING = (
+    "Scores are of the fold given by --report, which neither training nor calibration has seen."
+)
+
+
+@dataclass(frozen=True)
+class Teachers:
+    """ONNX files that training starts from and distils.
+
+    semantic: DeepLabv3+ on MobileNetV2 with ADE20K's 31 classes: first weights of the semantic
+    encoder, and pseudo-segments. depth: FastDepth: first weights of the depth encoder, and
+    pseudo-depth. places: MobileNetV2 on ImageNet: tells which photographs show one place.
+    """
+
+    semantic: Path
+    depth: Path
+    places: Path
+
+    @classmethod
+    def in_folder(cls, folder: Path) -> Teachers:
+        """The three files by their usual names; UserError names the first that is missing."""
+        names = (
+            "deeplabv3_mnv2_ade20k_512.onnx",
+            "fastdepth_nyu_224.onnx",
+            "mobilenet_v2_imagenet_224.onnx",
+        )
+        for name in names:
+            if not (folder / name).is_file():
+                raise UserError(f"{folder} holds no {name}; --teachers needs {', '.join(names)}")
+        return cls(*(folder / name for name in names))
+
+
+def read_all(folders: Sequence[Path], teachers: Teachers, recipe: Recipe) -> list[Sample]:
+    """Samples of all data sets, each told by its files, with pseudo-labels where they have none."""
+    samples: list[Sample] = []
+    for folder in folders:
+        if (folder / "boxes.csv").is_file():
+            found = read_doors(folder, {}, closed_weight=recipe.closed_weight)
+            places = cluster_places(describe(found, teachers.places), recipe.same_place)
+            found = [
+                replace(sample, place=f"{folder.name}-{place:04d}")
+                for sample, place in zip(found, places, strict=True)
+            ]
+        elif (folder / "doorways.csv").is_file():
+            found = _READERS[guess_layout(folder)](folder)
+        else:
+            raise UserError(
+                f"{folder} is no data set: expected doorways.csv or boxes.csv beside images/"
+            )
+        if not found:
+            raise UserError(f"{folder} lists no picture")
+        samples += found
+    samples = add_depth(samples, teachers.depth, recipe.pseudo.depth)
+    return add_segments(samples, teachers.semantic, recipe.pseudo.segments)
+
+
+def split(
+    samples: Sequence[Sample], fold: int, folds: int, report: int | None = None
+) -> tuple[list[Sample], list[Sample]]:
+    """Training and held-out samples: one fold of the places of each source.
+
+    report: a further fold that goes into neither.
+    """
+    kept: list[Sample] = []
+    held: list[Sample] = []
+    for source in sorted({sample.source for sample in samples}):
+        own = [sample for sample in samples if sample.source == source]
+        of_place = place_folds((sample.place for sample in own), folds)
+        for sample in own:
+            if of_place[sample.place] != report:
+                (held if of_place[sample.place] == fold else kept).append(sample)
+    return kept, held
+
+
+def predict(network: Path, samples: Sequence[Sample]) -> list[dict[str, Any]]:
+    """An exported network's outputs and the targets of the plain view of each sample."""
+    import onnxruntime
+
+    session = onnxruntime.InferenceSession(str(network), providers=["CPUExecutionProvider"])
+    names = [output.name for output in session.get_outputs()]
+    found = []
+    for sample in samples:
+        target = view(sample, plain_shape(sample), None)
+        values = session.run(None, {"image": collate([target])[0]})
+        outputs = {name: value[0] for name, value in zip(names, values, strict=True)}
+        found.append({"sample": sample, "target": target} | outputs)
+    return found
+
+
+def calibrate(network: Path, held: Sequence[Sample]) -> tuple[Calibration, dict[str, Any]]:
+    """Scales and shifts of the logits, and the depth's error, on held-out photographs.
+
+    network: exported without calibration.
+    """
+    answers = predict(network, [s for s in held if s.source != "rendered"] or held)
+    told = [a for a in answers if a["sample"].open is not None]
+    p_open = platt(
+        np.array([[a["p_open"], a["score"].max()] for a in told]),
+        np.array([a["sample"].open for a in told]),
+    )
+    # a strip's score is read at the best strip: is there an opening in that place?
+    rooms = [a for a in told if a["sample"].source != "doors"] or told
+    best = [int(np.argmax(a["score"])) for a in rooms]
+    score = platt(
+        np.array([a["score"][k] for a, k in zip(rooms, best, strict=True)]),
+        np.array([a["target"].score[k] > 0.5 for a, k in zip(rooms, best, strict=True)]),
+    )
+    measured = [a for a in answers if a["target"].depth_weight == 1 and a["target"].depth.any()]
+    errors = {}
+    if measured:
+        errors["depth_error"] = relative_depth_error(
+            np.concatenate([a["depth"].ravel() for a in measured]),
+            np.concatenate([a["target"].depth.ravel() for a in measured]),
+        )
+    return Calibration(*p_open, *score), errors
+
+
+def train_doornet(
+    folders: Sequence[Path],
+    teachers: Teachers,
+    recipe: Recipe,
+    out: Path,
+    *,
+    hold_out: tuple[int, int] | None = None,
+    report: int | None = None,
+    marks: Path | None = None,
+    calibration: Path | None = None,
+    init: Path | None = None,
+    resume: bool = False,
+    precision: str = "auto",
+    watcher: Watcher | None = None,
+    team: Team = ALONE,
+    command: str = "",
+) -> dict[str, Any]:
+    """Trains, calibrates, exports out/doornet.onnx, reports; returns what the card says.
+
+    hold_out: (fold, folds) of places kept for calibration, limits and early stopping. report: a
+    further fold that is kept from everything but the report. marks: closer marks for some of the
+    pictures (see `read_marks`). calibration: the card of an earlier held-out run, for a training
+    on everything. init: weights of an earlier run of the same recipe's network to start from.
+    """
+    import keras
+
+    outcome.require_plots()
+    if recipe.fit.patience and hold_out is None:
+        raise UserError(
+            "stopping early needs places that are not trained on: give --hold-out K/N, or leave "
+            "--patience and the recipe's patience out"
+        )
+    if recipe.init_share and init is None:
+        raise UserError("the recipe's init_share needs weights to start from: give --init FILE")
+    samples = read_all(folders, teachers, recipe)
+    if marks is not None:
+        samples = apply_marks(samples, read_marks(marks))
+    kept, held = split(samples, *hold_out, report) if hold_out else (samples, [])
+    kept = kept + compose(kept, recipe.compose, recipe.fit.seed)
+    keras.utils.set_random_seed(recipe.fit.seed)
+    net = build_doornet(teachers.semantic, teachers.depth, recipe.network)
+    if init is not None:
+        load_weights(net, init)
+    history = fit(
+        net,
+        kept,
+        recipe.fit,
+        augment=recipe.augment,
+        weights=recipe.losses,
+        folder=out,
+        resume=resume,
+        held=held,
+        half=wants_half(precision),
+        identity=_identity(teachers, recipe, init),
+        watcher=watcher,
+        team=team,
+    )
+    if not team.leads:
+        return {}
+    if init is not None and recipe.init_share:
+        blend(net, init, recipe.init_share)
+        save_weights(net, out / "blend.weights.h5")
+    found, measured = Calibration(), dict[str, Any]()
+    path = out / "doornet.onnx"
+    if held:
+        export_onnx(net.whole, path, metadata={})
+        found, measured = calibrate(path, held)
+    elif calibration is not None:
+        found, measured = read_calibration(calibration)
+    card: dict[str, Any] = {
+        "name": "doornet",
+        "licence": "Apache-2.0",
+        "source": "trained by this project; data and first weights are named below",
+        "date": datetime.date.today().isoformat(),
+        "command": command,
+        "machine": f"{platform.machine()} {platform.system()}",
+        "pictures": {
+            source: sum(s.source == source for s in kept)
+            for source in sorted({s.source for s in kept})
+        },
+        "places": len({s.place for s in kept}),
+        "held_out": f"{hold_out[0] + 1}/{hold_out[1]}" if hold_out else None,
+        "kept_for_report": None
+        if report is None or not hold_out
+        else f"{report + 1}/{hold_out[1]}",
+        "held_out_places": sorted({s.place for s in held}),
+        "marks": None if marks is None else digest(marks),
+        "initialised_from": {
+            "semantic": digest(teachers.semantic),
+            "depth": digest(teachers.depth),
+        },
+        "calibration": asdict(found),
+        "depth_error": max(measured.get("depth_error", 0.0), _FASTDEPTH_ERROR),
+        "thresholds": measured.get("thresholds", {}),
+        "costs": asdict(recipe.costs),
+        "recipe": recipe.text,
+    }
+    shown = {key: card[key] for key in _SHOWN}
+    card["parity"] = export_onnx(net.whole, path, calibration=found, metadata=shown)
+    card["sha256"], card["bytes"] = digest(path), path.stat().st_size
+    write_bytes(out / "doornet.json", (json.dumps(card, indent=2) + "\n").encode())
+    unseen, about = held, _SEEN_BY_CALIBRATION
+    if hold_out and report is not None:
+        unseen, about = split(samples, report, hold_out[1])[1], _SEEN_BY_NOTHING
+    write_report(out, card, history, predict(path, unseen), about)
+    return card
+
+
+def _identity(teachers: Teachers, recipe: Recipe, init: Path | None) -> str:
+    """What must be the same for a resumed training, besides what `fit` knows."""
+    first = [teachers.semantic, teachers.depth, *([init] if init else [])]
+    return outcome.identity(
+        [digest(path) for path in first],
+        asdict(recipe.network),
+        asdict(recipe.pseudo),
+        asdict(recipe.compose),
+        recipe.closed_weight,
+    )
+
+
+def load_weights(net: DoorNet, path: Path) -> None:
+    """Weights of an earlier run; UserError where the file is none of this network's."""
+    try:
+        net.whole.load_weights(path)
+    except Exception as error:
+        # Keras raises whatever h5py or its own shape checks raise
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise UserError(f"{path} holds no weights of this network: {reason}") from error
+
+
+def blend(net: DoorNet, first: Path, share: float) -> None:
+    """Moves the network's weights towards those in `first`: by 0 not at all, by 1 all the way.
+
+    What a training learned and what it began with err in different places, and their mean keeps
+    most of both (Wortsman et al., "Robust fine-tuning of zero-shot models", CVPR 2022).
+    """
+    learned = [weight.value.detach().clone() for weight in net.whole.weights]
+    load_weights(net, first)
+    for weight, value in zip(net.whole.weights, learned, strict=True):
+        weight.assign(value.lerp(weight.value.detach(), share))
+
+
+def read_calibration(path: Path) -> tuple[Calibration, dict[str, Any]]:
+    """Calibration, depth error and limits from a card; UserError where the file is none."""
+    try:
+        card = json.loads(path.read_text(encoding="utf-8"))
+        measured = {key: card[key] for key in ("depth_error", "thresholds")}
+        return Calibration(**card["calibration"]), measured
+    except OSError as error:
+        raise UserError(f"cannot read the card {path}: {error.strerror}") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise UserError(f"{path} is no card of a training with held-out places") from error

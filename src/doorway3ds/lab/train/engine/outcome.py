@@ -1,0 +1,176 @@
+"""What a training leaves behind: the card, report.html with its plots, and the installed file."""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+import json
+import math
+import platform
+from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from doorway3ds.errors import UserError
+from doorway3ds.lab.datasets.samples import Sample
+from doorway3ds.lab.evaluate.classifier import ClassifierMetrics, ClassifierRecord
+from doorway3ds.lab.evaluate.depth import DepthMetrics
+from doorway3ds.lab.evaluate.report import pages, plots
+from doorway3ds.lab.evaluate.report.html import Report, write_report
+from doorway3ds.lab.evaluate.runners import Protocol
+from doorway3ds.lab.train.engine.loop import Row
+from doorway3ds.networks import registry
+from doorway3ds.networks.session import digest
+
+_LISTED = 6  # entries of a long list that a report's facts show
+
+
+def require_plots() -> None:
+    """UserError, before hours of training, where the report could not be drawn at its end."""
+    if find_spec("matplotlib") is None:
+        raise UserError(
+            "the report needs matplotlib; install it with: pip install 'doorway3ds[report]'"
+        )
+
+
+def identity(*parts: Any) -> str:
+    """A short digest of what must be the same for a resumed training."""
+    return hashlib.sha256(json.dumps(parts, default=str).encode()).hexdigest()[:16]
+
+
+def when_and_where() -> dict[str, str]:
+    """Date and machine for a card."""
+    return {
+        "date": datetime.date.today().isoformat(),
+        "machine": f"{platform.machine()} {platform.system()}",
+    }
+
+
+def write_card(path: Path, card: dict[str, Any]) -> None:
+    """Adds digest and size of the ONNX file `path` to `card` and writes it beside it."""
+    card["sha256"], card["bytes"] = digest(path), path.stat().st_size
+    rest = {k: v for k, v in plain(card).items() if k not in ("sha256", "licence", "source")}
+    known = {key: card.get(key) for key in ("sha256", "licence", "source")}
+    registry.write_card(path, registry.Card(**known, more=rest))
+
+
+def install(name: str, path: Path, licence: str | None = None) -> Path:
+    """Makes the trained file the one that `--network NAME` finds, with its whole card."""
+    card = registry.read_card(path)
+    installed = registry.install(name, path, source=str(path), licence=licence)
+    found = registry.read_card(installed)
+    whole = registry.Card(found.sha256, found.licence, found.source, card.more)
+    registry.write_card(installed, whole)
+    return installed
+
+
+def training_report(card: Mapping[str, Any], history: Sequence[Row]) -> Report:
+    """What every training's report begins with: its card and its losses."""
+    report = Report(f"Training of {card['name']}", _facts(card))
+    names = [k for k in history[0] if k != "epoch" and not k.startswith("val_")] if history else []
+    for name in names:
+        report.add_plot(f"curve-{name}", name.capitalize(), curves(history, name))
+    return report
+
+
+def classifier_report(
+    folder: Path,
+    card: Mapping[str, Any],
+    history: Sequence[Row],
+    records: Sequence[ClassifierRecord],
+    scored: ClassifierMetrics,
+    samples: Mapping[str, Sample],
+) -> Path:
+    """report.html, report.json and PNGs of a classifier's training."""
+    report = training_report(card, history)
+    report.tables.append(pages.classifier_table({"held out": scored}))
+    report.add_plot("confusion", "Confusion matrix", confusion(scored))
+    pages.add_classifier_pictures(report, samples, {"held out": records}, {"held out": scored})
+    return finish_report(report, folder, card, history)
+
+
+def depth_report(
+    card: Mapping[str, Any],
+    history: Sequence[Row],
+    scored: Mapping[Protocol, DepthMetrics],
+) -> Report:
+    """The report of a depth network's training, without its pictures."""
+    report = training_report(card, history)
+    report.tables.append(pages.depth_table(scored))
+    return report
+
+
+def finish_report(
+    report: Report, folder: Path, card: Mapping[str, Any], history: Sequence[Row]
+) -> Path:
+    """Writes report.html, report.json and the PNGs."""
+    return write_report(report, folder, plain({"card": card, "history": list(history)}))
+
+
+def confusion(scored: ClassifierMetrics) -> bytes:
+    """Counts by true and answered class, as PNG."""
+    c = scored.confusion
+    counts = np.array([[c.tn, c.fp], [c.fn, c.tp]])
+    with plots.figure() as (axes, done):
+        axes.imshow(counts, cmap="Blues", vmin=0)
+        names = ["not open", "open"]
+        axes.set_xticks([0, 1], [f"called {n}" for n in names])
+        axes.set_yticks([0, 1], names)
+        for row in range(2):
+            for column in range(2):
+                dark = counts[row, column] > counts.max() / 2
+                axes.text(
+                    column,
+                    row,
+                    str(counts[row, column]),
+                    ha="center",
+                    va="center",
+                    fontsize=16,
+                    color="white" if dark else "black",
+                )
+    return done()
+
+
+def curves(history: Sequence[Row], name: str) -> bytes:
+    """One loss or measure over the epochs, in training and held out, as PNG."""
+    with plots.figure() as (axes, done):
+        for color, key, label in zip(
+            plots.COLORS, (name, f"val_{name}"), ("training", "held out"), strict=False
+        ):
+            points = [(row["epoch"], row[key]) for row in history if key in row]
+            if points:
+                axes.plot(*zip(*points, strict=True), color=color, label=label, marker=".")
+        axes.set(xlabel="epoch", ylabel=name.replace("_", " "))
+        axes.xaxis.get_major_locator().set_params(integer=True)
+        axes.legend(frameon=False)
+    return done()
+
+
+def _facts(card: Mapping[str, Any]) -> dict[str, str]:
+    """What a report says first: the card's plain entries and counts."""
+    shown = {}
+    for key, value in card.items():
+        if key in ("options", "sha256") or (key == "held_out" and isinstance(value, Mapping)):
+            continue
+        if isinstance(value, list) and len(value) > _LISTED:
+            value = f"{len(value)}: {', '.join(map(str, value[:_LISTED]))} and others"
+        if key == "left_out":
+            value = f"{len(value)} pictures" + "".join(
+                f"; {name}: {why}" for name, why in list(value.items())[:3]
+            )
+        shown[key.replace("_", " ")] = value if isinstance(value, str) else json.dumps(plain(value))
+    return shown
+
+
+def plain(value: Any) -> Any:
+    """The same with unknown numbers as None, as JSON has no nan."""
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

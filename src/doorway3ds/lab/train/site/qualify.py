@@ -1,0 +1,325 @@
+"""A network for one site: measured on held-out places, fine-tuned on the others, kept if better.
+
+Three parts that share no place: pictures to learn from, pictures that stop and choose the
+training, and pictures that nothing but the final comparison sees.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from doorway3ds.camera.model import Pose
+from doorway3ds.errors import CallError, UserError
+from doorway3ds.files import write_bytes
+from doorway3ds.lab.datasets import places as groups
+from doorway3ds.lab.datasets.doors import (
+    DoorPictures,
+    check_pictures,
+    require_half_open,
+    split_pictures,
+)
+from doorway3ds.lab.datasets.readers import CLASS_FOLDERS, guess_layout, read_dataset
+from doorway3ds.lab.datasets.samples import FitCamera, load_frame, with_camera
+from doorway3ds.lab.datasets.samples import Sample as Picture
+from doorway3ds.lab.evaluate.direction import DirectionRecord
+from doorway3ds.lab.evaluate.runners import Label, methods_on, run_direction
+from doorway3ds.lab.train.doornet.data.samples import (
+    Sample,
+    from_frame,
+    read_doors,
+    read_marked,
+    read_nyu,
+    read_rendered,
+)
+from doorway3ds.lab.train.doornet.export import export_onnx
+from doorway3ds.lab.train.doornet.restore import restore
+from doorway3ds.lab.train.engine import outcome
+from doorway3ds.lab.train.engine.loop import Watcher
+from doorway3ds.lab.train.site import score as qualifyscore
+from doorway3ds.lab.train.site.fit import (
+    BEFORE,
+    SITE,
+    Tuned,
+    TuneOptions,
+    depth_change,
+    keep_depth,
+    tune,
+)
+from doorway3ds.networks import registry
+from doorway3ds.networks.doornet import DoorNet as Runtime
+from doorway3ds.networks.session import digest
+
+MIN_PICTURES, MIN_PLACES = 8, 8  # pictures of each class, places altogether
+MIN_HELD = 4  # held-out places: fewer say next to nothing of the next one
+_READERS = {"nyu": read_nyu, "rendered": read_rendered, "plain": read_marked}
+_INNER = 0.25  # of what is not held out: stops and chooses
+
+Seen = Callable[[int, int], None]
+
+
+def _unseen(done: int, total: int) -> None:
+    pass
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The site's pictures by use; leaks: near-copies of which only one side is held out."""
+
+    learn: tuple[Picture, ...]
+    inner: tuple[Picture, ...]
+    held: tuple[Picture, ...]
+    leaks: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """Counts, for a card."""
+        return {
+            name: {"pictures": len(own), "places": len({p.place for p in own})}
+            for name, own in (("learn", self.learn), ("inner", self.inner), ("held", self.held))
+        }
+
+
+@dataclass(frozen=True)
+class Qualification:
+    """What came of it. model: the site model's bytes; None where it is not better."""
+
+    comparison: qualifyscore.Comparison
+    verdict: qualifyscore.Verdict
+    records: Mapping[str, Sequence[DirectionRecord]]  # "before" and "after"
+    pictures: Mapping[str, Picture]
+    tuned: Tuned
+    depth_change: float
+    card: dict[str, Any]
+    model: bytes | None = field(default=None, repr=False)
+
+
+def network_file(name: str) -> Path:
+    """The ONNX file that fine-tuning starts from: doornet, or a file of its kind."""
+    path = Path(name) if name.endswith(".onnx") else registry.find(name).path
+    if not path.is_file():
+        raise UserError(f"no network file {path}; expected an existing .onnx file")
+    if registry.kind_of(path) != "doornet":
+        raise CallError(f"{name} is no doornet; `3ds qualify` can fine-tune no other network")
+    return path
+
+
+def read_site(
+    folder: Path,
+    *,
+    places: Mapping[str, str] | None = None,
+    grouping: str = "auto",
+    pattern: str | None = None,
+    half_open: str = "leave-out",
+    camera: tuple[FitCamera, Pose] | None = None,
+    seen: Seen = _unseen,
+) -> DoorPictures:
+    """The pictures of a folder per class, those that its doorways.csv marks, or both.
+
+    Where both are there, the table's word counts for the pictures that it names. camera: of
+    those that bring none. Raises UserError where there are too few, saying how many are needed.
+    """
+    require_half_open(half_open)
+    if not folder.is_dir():
+        raise UserError(f"expected a folder of pictures, got {folder}")
+    layout = guess_layout(folder)
+    data = read_dataset(folder, layout)
+    samples, known = list(data.samples), data.places_known
+    classes = any(d.name in CLASS_FOLDERS for d in folder.iterdir() if d.is_dir())
+    if layout == "plain" and classes:
+        files = {s.image_path.resolve() for s in samples}
+        more = read_dataset(folder, "folders")
+        samples += [s for s in more.samples if s.image_path.resolve() not in files]
+        known = known and more.places_known
+    if camera is not None:
+        data = with_camera(replace(data, samples=tuple(samples)), *camera)
+        samples = list(data.samples)
+    if places is not None:
+        missing = [s.name for s in samples if s.name not in places]
+        if missing:
+            raise UserError(f"the places file names no place for {missing[0]}")
+        samples, known = [replace(s, place=places[s.name]) for s in samples], True
+    found = check_pictures(
+        samples,
+        folder,
+        places_known=known,
+        grouping=grouping,
+        pattern=pattern,
+        half_open=half_open,
+        seen=seen,
+    )
+    for label in sorted(set(found.labels)):
+        count = found.labels.count(label)
+        if count < MIN_PICTURES:
+            raise UserError(
+                f"{folder} has {count} readable pictures of class {label}; at least "
+                f"{MIN_PICTURES} of each class are needed"
+            )
+    count = len(set(found.groups))
+    if count < MIN_PLACES:
+        raise UserError(
+            f"{folder} shows {count} places ({found.grouping}); at least {MIN_PLACES} are needed, "
+            f"so that some can be held out"
+        )
+    return found
+
+
+def part(pictures: DoorPictures, hold_out: float, seed: int) -> Parts:
+    """Whole places to learn from, to choose by and held out, each with both classes."""
+    named = [replace(s, place=g) for s, g in zip(pictures.samples, pictures.groups, strict=True)]
+    first = split_pictures(pictures, hold_out, seed)
+    held = tuple(named[i] for i in first.held)
+    places = len({s.place for s in held})
+    if places < MIN_HELD:
+        raise UserError(
+            f"only {places} places could be held out, {MIN_HELD} are needed: add pictures of "
+            f"other places, or raise --hold-out"
+        )
+    rest = [named[i] for i in first.train]
+    labels = [pictures.labels[i] for i in first.train]
+    learn, inner = groups.split([s.place for s in rest], labels, _INNER, seed)
+    return Parts(
+        tuple(rest[i] for i in learn), tuple(rest[i] for i in inner), held, len(first.leaks)
+    )
+
+
+def read_replay(folders: Sequence[Path], unlike: Sequence[Picture]) -> tuple[list[Sample], int]:
+    """Pictures of other data sets to learn from, without near-copies of `unlike`, and how many
+    of those were left out."""
+    found: list[Sample] = []
+    for folder in folders:
+        layout = guess_layout(folder)
+        if layout == "boxes":
+            found += read_doors(folder, {})
+        elif layout in _READERS:
+            found += _READERS[layout](folder)
+        else:
+            pictures = read_dataset(folder, layout).samples
+            found += [from_frame(p, load_frame(p), folder.name) for p in pictures]
+    if not found:
+        return [], 0
+    images = [load_frame(picture).image for picture in unlike] + [s.image for s in found]
+    pairs = groups.near_pairs(np.stack([groups.perceptual_hash(image) for image in images]))
+    count = len(unlike)
+    alike = {b - count for a, b in pairs if a < count <= b}
+    return [s for i, s in enumerate(found) if i not in alike], len(alike)
+
+
+def qualify(
+    folder: Path,
+    parts: Parts,
+    pictures: DoorPictures,
+    network: Path,
+    *,
+    replay: Sequence[Path] = (),
+    options: TuneOptions,
+    hold_out: float = 0.4,
+    repeats: int = 2000,
+    watcher: Watcher | None = None,
+    tell: Callable[[str], None] = lambda line: None,
+    facts: Mapping[str, Any] | None = None,
+) -> Qualification:
+    """Fine-tunes the network on a site's pictures and compares both on its held-out places.
+
+    folder: where the pictures are from. parts: of `part`. facts: what else the card says.
+    Writes nothing that stays.
+    """
+    before = Runtime(network)
+    restored = restore(network)
+    loose = guess_layout(folder) == "boxes"
+    learn, inner = (
+        keep_depth([from_frame(p, load_frame(p), SITE, loose=loose) for p in own], before)
+        for own in (parts.learn, parts.inner)
+    )
+    others, alike = read_replay(replay, [*parts.held, *parts.inner])
+    with tempfile.TemporaryDirectory(prefix="3ds-qualify-") as scratch:
+        tuned = tune(
+            restored.net,
+            restored.calibration,
+            [*learn, *keep_depth(others, before)],
+            inner,
+            options,
+            Path(scratch),
+            watcher,
+            tell,
+        )
+        card: dict[str, Any] = {
+            "name": "site",
+            "licence": (facts or {}).get("licence"),
+            "source": f"{network.name} fine-tuned on pictures of one site",
+            **outcome.when_and_where(),
+            **(facts or {}),
+            "started_from": digest(network),
+            "parts": parts.to_dict(),
+            "places_by": pictures.grouping,
+            "near_copies_across_the_split": parts.leaks,
+            "replayed": {"pictures": len(others), "near_copies_left_out": alike},
+            "left_out": dict(pictures.left_out),
+            "options": {**asdict(options), "hold_out": hold_out},
+            "learned": tuned.stage,
+            "losses_of_openings": tuned.losses,
+            "calibration": asdict(tuned.calibration),
+            "recalibrated": list(tuned.recalibrated),
+            "rule": qualifyscore.RULE,
+        }
+        shown = {**restored.metadata, "name": "site", "date": card["date"]}
+        path = Path(scratch) / "site.onnx"
+        if tuned.stage == BEFORE:
+            path = network
+        else:
+            card["parity"] = export_onnx(
+                restored.net.whole, path, calibration=tuned.calibration, metadata=shown
+            )
+        records, change = _answers(parts.held, before, Runtime(path))
+        data = path.read_bytes()
+    comparison = qualifyscore.compare(records["before"], records["after"], repeats, options.seed)
+    verdict = qualifyscore.judge(comparison, change)
+    if tuned.stage == BEFORE:
+        why = "nothing learned fits the places set apart better than the network as it is"
+        verdict = qualifyscore.Verdict(False, why)
+    card |= {"better": verdict.better, "why": verdict.why, "depth_change": change}
+    card |= {"held_out": comparison.to_dict()}
+    return Qualification(
+        comparison,
+        verdict,
+        records,
+        {p.name: p for p in parts.held},
+        tuned,
+        change,
+        card,
+        data if verdict.better else None,
+    )
+
+
+def write_model(done: Qualification, out: Path) -> None:
+    """The site model and its card, each whole or not at all."""
+    assert done.model is not None
+    write_bytes(out, done.model)
+    outcome.write_card(out, done.card)
+
+
+def _answers(
+    pictures: Sequence[Picture], before: Runtime, after: Runtime
+) -> tuple[dict[str, list[DirectionRecord]], float]:
+    """Both networks' records of the same pictures, and how much depth changes between them."""
+    answers = [
+        methods_on(network, name, ["opening"])
+        for network, name in ((before, "before"), (after, "after"))
+    ]
+    changes: list[float] = []
+
+    def both(frame: Any, depth_m: Any) -> dict[Label, Any]:
+        found = {label: d for answer in answers for label, d in answer(frame, depth_m).items()}
+        first, second = (decision.perception.depth_m for decision in found.values())
+        if first is not None and second is not None:
+            changes.append(depth_change(first, second))
+        return found
+
+    runs = run_direction(pictures, both)
+    records = {label.network: column for label, column in runs.records.items()}
+    return records, float(np.mean(changes)) if changes else math.inf

@@ -1,0 +1,90 @@
+"""doornet's graph: its outputs, what its openings rest on, and its cut for training."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+os.environ["KERAS_BACKEND"] = "torch"  # before Keras is first imported
+keras = pytest.importorskip("keras")
+
+from doorway3ds.lab.train.doornet.model import DoorNet, DoorNetConfig, build_doornet, split_at  # noqa: E402
+
+pytestmark = pytest.mark.train
+
+SMALL = DoorNetConfig(8, 8, 8, 8, 2, 0.1)
+OPENINGS = ("p_open", "score", "left", "right", "clear")
+
+
+@pytest.fixture
+def net(teachers: Path) -> DoorNet:
+    keras.config.set_image_data_format("channels_first")
+    keras.utils.set_random_seed(4)
+    return build_doornet(
+        teachers / "deeplabv3_mnv2_ade20k_512.onnx",
+        teachers / "fastdepth_nyu_224.onnx",
+        SMALL,
+    )
+
+
+def picture(seed: int = 0) -> Any:
+    rng = np.random.default_rng(seed)
+    return torch.from_numpy(rng.uniform(0, 255, (2, 3, 64, 96)).astype(np.float32))
+
+
+def outputs(model: Any, inputs: Any) -> dict[str, Any]:
+    with torch.no_grad():
+        return dict(model(inputs, training=False))
+
+
+def test_outputs_have_their_shapes(net: DoorNet) -> None:
+    seen = outputs(net.whole, picture())
+    assert {name: tuple(value.shape) for name, value in seen.items()} == {
+        "p_open": (2,),
+        **dict.fromkeys(("score", "left", "right", "clear"), (2, 24)),
+        **dict.fromkeys(("depth", "depth_own"), (2, 32, 48)),
+        "floor": (2, 16, 24),
+        "segments": (2, 6, 16, 24),
+    }
+
+
+def test_openings_do_not_rest_on_the_depth_teacher(net: DoorNet) -> None:
+    before = outputs(net.whole, picture())
+    for layer in net.encoder.layers:
+        if layer.name.startswith("fd_") and layer.weights:
+            layer.set_weights([w + 0.3 for w in layer.get_weights()])
+    after = outputs(net.whole, picture())
+    for name in OPENINGS:
+        torch.testing.assert_close(after[name], before[name], rtol=0, atol=0)
+    torch.testing.assert_close(after["depth_own"], before["depth_own"], rtol=0, atol=0)
+    assert float((after["depth"] - before["depth"]).abs().max()) > 1e-3
+
+
+@pytest.mark.parametrize("thaw", [(6, 99), (18, 99), (99, 99)])
+def test_front_and_rest_are_the_whole(net: DoorNet, thaw: tuple[int, int]) -> None:
+    front, rest = split_at(net, thaw)
+    image = picture(1)
+    whole, parts = outputs(net.whole, image), None
+    with torch.no_grad():
+        parts = rest(front(image, training=False), training=False)
+    for name, value in whole.items():
+        torch.testing.assert_close(parts[name], value, rtol=1e-5, atol=1e-5)
+    # everything from the cut on learns with the rest, nothing before it
+    learns = {variable.path for variable in rest.trainable_weights}
+    for layer in net.encoder.layers:
+        prefix, _, number = layer.name.partition("_")
+        if number[:2].isdigit() and layer.weights:
+            expected = prefix == "sem" and int(number[:2]) >= thaw[0]
+            assert all((w.path in learns) is expected for w in layer.weights), layer.name
+
+
+@pytest.mark.parametrize("thaw", [(0, 99), (7, 99), (6, 20)])
+def test_no_cut_where_there_is_none(net: DoorNet, thaw: tuple[int, int]) -> None:
+    front, rest = split_at(net, thaw)
+    assert front is None
+    assert rest is net.whole
