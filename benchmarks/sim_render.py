@@ -26,11 +26,13 @@ os.environ.setdefault("LP_NUM_THREADS", "1")
 import cv2
 import numpy as np
 
-from doorway3ds.sim import dataset, homes, sensor, views
-from doorway3ds.sim.plan import Plan
-from doorway3ds.sim.render import Renderer, open_context
-from doorway3ds.sim.scene import build
-from doorway3ds.sim.truth import truth_of
+from doorway3ds.lab.sim.homes import apartment as homes
+from doorway3ds.lab.sim.homes.plan import Plan
+from doorway3ds.lab.sim.pictures import dataset, views
+from doorway3ds.lab.sim.pictures.truth import truth_of
+from doorway3ds.lab.sim.render import sensor
+from doorway3ds.lab.sim.render.renderer import Renderer, open_context
+from doorway3ds.lab.sim.render.scene import build
 
 SIZE = (320, 240)
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from doorway3ds.sim.body import Body, Gait
+from doorway3ds.lab.sim.robot.body import Body, Gait
 
 FAST = Gait(speed_deg_s=120.0, ramp_s=0.05)
 
@@ -24,7 +24,7 @@ def picture(part: str, width: int, height: int) -> np.ndarray:
 def virtual() -> Iterator[Callable[..., Any]]:
     """Starts virtual robots: virtual(**VirtualNao's options) -> (robot, "127.0.0.1:port")."""
     pytest.importorskip("qi", reason="needs the extra 'nao': the qi package")
-    from doorway3ds.sim.nao import VirtualNao
+    from doorway3ds.lab.sim.robot.nao import VirtualNao
 
     running = []
 

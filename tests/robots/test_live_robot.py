@@ -13,8 +13,8 @@ from typing import Any
 import cv2
 import pytest
 
+from doorway3ds.lab.sim.robot.body import Body, Gait
 from doorway3ds.robots.runlog import read_log
-from doorway3ds.sim.body import Body, Gait
 from tests import tinynets
 
 NET = ("--network", "net.onnx")

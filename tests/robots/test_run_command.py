@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from doorway3ds.lab.sim.robot.nao import Faults
 from doorway3ds.robots.runlog import read_log
-from doorway3ds.sim.nao import Faults
 
 
 def test_without_move_it_only_says(cli: Any) -> None:

@@ -42,7 +42,7 @@ def pipeline_for(
 
     from doorway3ds.decide.gates import Gates
     from doorway3ds.decide.pipeline import Pipeline
-    from doorway3ds.sources.sim import TruthNetwork
+    from doorway3ds.lab.sim.robot.source import TruthNetwork
 
     if method not in ("opening", "paper"):
         raise CallError(f"--method must be opening or paper, got {method!r}")
@@ -63,8 +63,8 @@ def robot_of(name: str, source: Source, limits: Limits) -> Iterator[Robot]:
     if name == "dry":
         legs = DryRobot()
     elif name == "sim":
-        from doorway3ds.sim.world import SimRobot
-        from doorway3ds.sources.sim import SimSource
+        from doorway3ds.lab.sim.robot.source import SimSource
+        from doorway3ds.lab.sim.robot.world import SimRobot
 
         if not isinstance(source, SimSource):
             raise CallError("--robot sim needs a sim:// source, whose robot it is")

@@ -40,8 +40,8 @@ def render(
     from rich.console import Console
     from rich.progress import Progress
 
-    from doorway3ds.sim.dataset import render_dataset
-    from doorway3ds.sim.sheet import write_contact_sheet
+    from doorway3ds.lab.sim.pictures.dataset import render_dataset
+    from doorway3ds.lab.sim.pictures.sheet import write_contact_sheet
 
     pixels = parse_size(size)
     with Progress(console=Console(stderr=True)) as bar:
@@ -69,9 +69,9 @@ def view(
     from dataclasses import replace
 
     from doorway3ds.camera.presets import preset
-    from doorway3ds.sim.homes import generate
-    from doorway3ds.sim.render import Eye
-    from doorway3ds.sim.view import photograph, save
+    from doorway3ds.lab.sim.homes.apartment import generate
+    from doorway3ds.lab.sim.pictures.view import photograph, save
+    from doorway3ds.lab.sim.render.renderer import Eye
 
     lens, pose = preset(camera, *parse_size(size))
     if pitch_deg is not None:
@@ -101,9 +101,9 @@ def nao(
     from importlib import import_module
 
     from doorway3ds.cli._signals import ended_by_sigterm
-    from doorway3ds.sim.body import MODELS
-    from doorway3ds.sim.nao import VirtualNao
-    from doorway3ds.sim.scenarios import SCENES
+    from doorway3ds.lab.sim.robot.body import MODELS
+    from doorway3ds.lab.sim.robot.nao import VirtualNao
+    from doorway3ds.lab.sim.trials.scenarios import SCENES
 
     if not re.fullmatch(r"tcp://[^:/]+:\d{1,5}", listen):
         raise CallError(f"--listen must look like tcp://127.0.0.1:9559, got '{listen}'")
@@ -113,7 +113,7 @@ def nao(
 
     import_module("qi")  # missing, it is said before a home is built
 
-    from doorway3ds.sim.world import Studio, World
+    from doorway3ds.lab.sim.robot.world import Studio, World
 
     with ended_by_sigterm(), Studio() as studio:
         world = World.of_scene(studio, scenario, seed, model=robot)
@@ -153,8 +153,8 @@ def trial(
     from rich.progress import Progress
 
     from doorway3ds.files import write_bytes
-    from doorway3ds.sim.scenarios import SCENES
-    from doorway3ds.sim.trials import METHODS, plot, run_trials, table
+    from doorway3ds.lab.sim.trials.scenarios import SCENES
+    from doorway3ds.lab.sim.trials.trials import METHODS, plot, run_trials, table
 
     names = list(SCENES) if scenes is None else scenes.split(",")
     for name in names:
@@ -174,7 +174,7 @@ def trial(
     typer.echo(text, nl=False)
     typer.echo(f"{plot(played, out / 'trial.png')}", err=True)
     if film:
-        from doorway3ds.sim.film import film_scene
+        from doorway3ds.lab.sim.trials.film import film_scene
 
         for name in names:
             typer.echo(f"{film_scene(name, seed, asked, out / f'{name}.gif')}", err=True)

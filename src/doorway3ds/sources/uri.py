@@ -15,7 +15,7 @@ from doorway3ds.errors import CallError, UserError
 from doorway3ds.sources.base import CameraFor, Source, View
 
 # Sources in modules of their own, each with open_uri(uri, view, **options) -> Source.
-_ELSEWHERE = {"sim": "doorway3ds.sources.sim", "nao": "doorway3ds.robots.nao.camera"}
+_ELSEWHERE = {"sim": "doorway3ds.lab.sim.robot.source", "nao": "doorway3ds.robots.nao.camera"}
 
 EXPECTED = (
     "an image, a folder, a pattern such as 'pictures/*.jpg', a video file, - (images on standard "

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from doorway3ds.errors import CallError, UserError
+from doorway3ds.lab.sim.robot.body import Body, Gait
+from doorway3ds.lab.sim.robot.nao import Faults
 from doorway3ds.robots.base import RobotError, RobotLost, TurnEnd
 from doorway3ds.robots.nao.session import Naoqi, address
-from doorway3ds.sim.body import Body, Gait
-from doorway3ds.sim.nao import Faults
 from doorway3ds.sources import SourceLost, open_source
 from tests.robots.conftest import picture
 

@@ -1,0 +1,263 @@
+"""Folders of rendered pictures with their truth, in the format that training reads."""
+
+from __future__ import annotations
+
+import csv
+import json
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.camera.model import Camera
+from doorway3ds.lab.sim.homes import apartment as homes
+from doorway3ds.lab.sim.homes.plan import Plan
+from doorway3ds.lab.sim.pictures import views
+from doorway3ds.lab.sim.pictures.truth import Truth, truth_of
+from doorway3ds.lab.sim.render import sensor
+from doorway3ds.lab.sim.render.renderer import Eye, Renderer, open_context
+from doorway3ds.lab.sim.render.scene import Scene, build
+
+VIEWS = 10  # pictures of one home
+OPEN_SHARE = 0.56
+COLUMNS = (
+    "image",
+    "open",
+    "left_px",
+    "right_px",
+    "clear",
+    "confidence",
+    "second",
+    "home",
+    "state",
+    "fx_px",
+    "height_m",
+    "pitch_deg",
+    "range_m",
+    "bearing_deg",
+)
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One picture: rgb (H, W, 3), depth (H, W) metres with nan for the sky, and its truth."""
+
+    rgb: NDArray[np.uint8]
+    depth: NDArray[np.float32]
+    camera: Camera
+    eye: Eye
+    truth: Truth
+
+
+def take(
+    renderer: Renderer, plan: Plan, camera: Camera, eye: Eye, rng: np.random.Generator | None
+) -> Shot:
+    """Photograph a scene; without `rng` the sensor is ideal (no noise, automatic exposure)."""
+    pinhole = sensor.pinhole_for(camera, renderer.limit)
+    rgb, depth = sensor.distort(camera, pinhole, *renderer.draw(pinhole, eye))
+    return exposed(Shot(rgb, depth, camera, eye, truth_of(plan, camera, eye, depth)), rng)
+
+
+def exposed(ideal: Shot, rng: np.random.Generator | None) -> Shot:
+    """An ideal sensor's picture as a real one takes it."""
+    return ideal if rng is None else replace(ideal, rgb=sensor.expose(rng, ideal.rgb))
+
+
+def good(shot: Shot) -> bool:
+    """Not a picture of a wall at arm's length."""
+    depth = np.nan_to_num(shot.depth, nan=60.0)
+    return bool(np.median(depth) > 0.75 and (depth < 0.35).mean() < 0.2)
+
+
+def shots(
+    scene: Scene, renderer: Renderer, count: int, size: tuple[int, int], seed: int
+) -> Iterator[Shot]:
+    """`count` pictures of one home, about half with an open doorway."""
+    rng = np.random.default_rng([0x54, seed, scene.home.seed])
+    plan = Plan(scene.furnished)
+    for _ in range(count):
+        shot = None
+        want_open = bool(rng.random() < OPEN_SHARE)
+        for _ in range(6):
+            camera = views.random_camera(rng, *size)
+            eye = views.choose(rng, plan, camera, want_open)
+            if eye is None:
+                want_open = not want_open
+                continue
+            shot = take(renderer, plan, camera, eye, rng)
+            if good(shot):
+                break
+        if shot is not None:
+            yield shot
+
+
+def rows(shot: Shot, name: str) -> list[dict[str, Any]]:
+    """The lines of doorways.csv for one picture."""
+    pose, truth = shot.eye.pose, shot.truth
+    common = {
+        "image": name,
+        "home": "",
+        "fx_px": round(shot.camera.fx, 3),
+        "height_m": round(pose.height_m or 0.0, 4),
+        "pitch_deg": round(pose.pitch_deg, 3),
+    }
+    if not truth.openings:
+        first = next((s for s in truth.states if s not in homes.OPEN_STATES), "blank")
+        return [
+            {
+                **common,
+                "open": 0,
+                "confidence": 1 if truth.glimpse else 3,
+                "second": 0,
+                "state": first,
+            }
+        ]
+    return [
+        {
+            **common,
+            "open": 1,
+            "left_px": round(o.left_px, 2),
+            "right_px": round(o.right_px, 2),
+            "clear": "" if o.clear is None else int(o.clear),
+            "confidence": o.confidence,
+            "second": int(k > 0),
+            "state": o.state,
+            "range_m": round(o.range_m, 4),
+            "bearing_deg": round(o.bearing_deg, 4),
+        }
+        for k, o in enumerate(truth.openings)
+    ]
+
+
+def truth_object(shot: Shot, name: str, home: int) -> dict[str, Any]:
+    """Everything about one picture as JSON values."""
+    camera = {k: v for k, v in asdict(shot.camera).items() if k != "assumed"}
+    return {
+        "image": name,
+        "home": home,
+        "camera": camera,
+        "pose": asdict(shot.eye.pose),
+        "x_m": shot.eye.x,
+        "y_m": shot.eye.y,
+        "heading_deg": shot.eye.heading_deg,
+        "openings": [asdict(o) for o in shot.truth.openings],
+        "glimpse": shot.truth.glimpse,
+        "in_view": list(shot.truth.states),
+    }
+
+
+def write_depth(path: Path, depth: NDArray[np.float32], effort: int = 1) -> None:
+    """16-bit millimetres; 0 is unknown (the sky)."""
+    millimetres = np.where(np.isnan(depth), 0, np.clip(depth * 1000 + 0.5, 1, 65535))
+    cv2.imwrite(str(path), millimetres.astype(np.uint16), [cv2.IMWRITE_PNG_COMPRESSION, effort])
+
+
+def texels_a_metre(width: int) -> float:
+    """Texture resolution that a picture of this width deserves."""
+    return float(np.clip(72.0 * width / 320, 72.0, 160.0))
+
+
+def largest(size: tuple[int, int]) -> tuple[int, int]:
+    """Room for the pinhole picture behind a distorted one."""
+    return int(size[0] * 1.35) + 8, int(size[1] * 1.35) + 8
+
+
+@dataclass(frozen=True)
+class Job:
+    """One home of a data set: pictures first .. first + count - 1."""
+
+    home: int
+    first: int
+    count: int
+    size: tuple[int, int]
+    seed: int
+    out: Path
+
+    @property
+    def shard(self) -> Path:
+        return self.out / "homes" / f"{self.first:06d}.json"
+
+
+_context: Any = None
+
+
+def _start_worker() -> None:
+    # One thread each: the workers share the cores, not a picture.
+    os.environ.setdefault("LP_NUM_THREADS", "1")
+    cv2.setNumThreads(1)
+    global _context
+    _context = open_context()
+
+
+def render_home(job: Job) -> int:
+    """Render one home's pictures; its shard is written last, so that a cut run is noticed."""
+    scene = build(homes.generate(job.home), texels_a_metre(job.size[0]), largest(job.size))
+    renderer = Renderer(scene, _context)
+    rng = np.random.default_rng([0x19E6, job.home])
+    lines, objects = [], []
+    try:
+        for k, shot in enumerate(shots(scene, renderer, job.count, job.size, job.seed)):
+            stem = f"{job.first + k:06d}"
+            quality = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(75, 97))]
+            cv2.imwrite(str(job.out / "images" / f"{stem}.jpg"), shot.rgb[..., ::-1], quality)
+            write_depth(job.out / "depth" / f"{stem}.png", shot.depth)
+            floor = shot.truth.floor.astype(np.uint8) * 255
+            cv2.imwrite(str(job.out / "floor" / f"{stem}.png"), floor)
+            lines += [{**row, "home": job.home} for row in rows(shot, f"{stem}.jpg")]
+            objects.append(truth_object(shot, f"{stem}.jpg", job.home))
+    finally:
+        renderer.close()
+    partial = job.shard.with_suffix(".part")
+    partial.write_text(json.dumps({"rows": lines, "truth": objects}))
+    partial.replace(job.shard)
+    return len(objects)
+
+
+def render_dataset(
+    out: Path,
+    count: int,
+    seed: int,
+    size: tuple[int, int] = (320, 240),
+    workers: int = 2,
+    progress: Callable[[int], None] = lambda done: None,
+) -> int:
+    """Render what is missing of `count` pictures into `out`; returns how many there are."""
+    for folder in ("images", "depth", "floor", "homes"):
+        (out / folder).mkdir(parents=True, exist_ok=True)
+    jobs = [
+        Job(seed * 100_000 + i, i * VIEWS, min(VIEWS, count - i * VIEWS), size, seed, out)
+        for i in range(-(-count // VIEWS))
+    ]
+    missing = [job for job in jobs if not job.shard.exists()]
+    progress(sum(job.count for job in jobs if job not in missing))
+    open_context().free()  # a worker without OpenGL would be started again and again
+    context = multiprocessing.get_context("spawn")
+    with context.Pool(workers, initializer=_start_worker, maxtasksperchild=40) as pool:
+        for done in pool.imap_unordered(render_home, missing):
+            progress(done)
+    return _merge(out, jobs)
+
+
+def _merge(out: Path, jobs: list[Job]) -> int:
+    lines: list[dict[str, Any]] = []
+    objects: list[dict[str, Any]] = []
+    for job in jobs:
+        shard = json.loads(job.shard.read_text())
+        lines += shard["rows"]
+        objects += shard["truth"]
+    partial = out / "doorways.csv.part"
+    with partial.open("w", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS)
+        writer.writeheader()
+        writer.writerows(lines)
+    partial.replace(out / "doorways.csv")
+    partial = out / "truth.jsonl.part"
+    partial.write_text("".join(json.dumps(o) + "\n" for o in objects))
+    partial.replace(out / "truth.jsonl")
+    return len(objects)

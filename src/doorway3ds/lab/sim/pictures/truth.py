@@ -1,0 +1,329 @@
+"""What is really in a picture of a simulated home: openings, floor, free path, door states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.camera.model import Camera, grid_rays, pixel_to_ray, rotation
+from doorway3ds.lab.sim.homes.apartment import Portal
+from doorway3ds.lab.sim.homes.furnish import Furnished
+from doorway3ds.lab.sim.homes.plan import LOW_M, Plan
+from doorway3ds.lab.sim.homes.shell import Leaf, leaf_of
+from doorway3ds.lab.sim.render.renderer import Eye
+
+Float = NDArray[np.float64]
+FLOOR_M = 0.012  # rugs and thresholds are floor
+# Less than this is a glimpse that nobody would call a seen doorway.
+LEAST_WIDTH = 0.025  # of the picture's width
+LEAST_AREA = 0.004  # of the picture
+SEEN_ENOUGH = 0.25  # of what the picture shows of the opening, column by column
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """What must pass: NAO's width, and the height below which things are in the way."""
+
+    width_m: float = 0.28
+    height_m: float = 1.3
+
+
+@dataclass(frozen=True)
+class OpeningTruth:
+    """One open doorway as the picture shows it; see docs/sim.md for the exact meaning.
+
+    left_px, right_px: at mid-height, by what is seen through it, cut at the picture's edge.
+    bearing_deg, range_m: where the ray through the middle column meets the threshold, from the
+        turning axis.
+    jambs_deg: (left, right) bearings of the whole free opening from the lens.
+    clear: free path for the footprint; None where the picture does not show it.
+    seen: share of the opening within the picture that is not hidden.
+    """
+
+    portal: int
+    state: str
+    left_px: float
+    right_px: float
+    left_deg: float
+    right_deg: float
+    bearing_deg: float
+    range_m: float
+    jambs_deg: tuple[float, float]
+    cut: str | None
+    seen: float
+    area: float
+    clear: bool | None
+    confidence: int
+
+
+@dataclass(frozen=True)
+class Truth:
+    """openings: seen and open, biggest first. glimpse: one is seen, but too little to count.
+
+    states: what doors, windows and mirrors of the room the picture shows, nearest first.
+    """
+
+    openings: tuple[OpeningTruth, ...]
+    floor: NDArray[np.bool_]
+    glimpse: bool
+    states: tuple[str, ...]
+
+
+def _wall_frame(portal: Portal, vectors: Float, origin: bool) -> Float:
+    """Plan vectors (or points) as (along, across, up) of a portal's wall."""
+    along, across = (1, 0) if portal.axis == 0 else (0, 1)
+    out = np.stack([vectors[..., along], vectors[..., across], vectors[..., 2]], -1)
+    if origin:
+        out = out - np.array([portal.at, portal.wall, 0.0])
+    return out
+
+
+def _hidden_by_leaf(leaf: Leaf, lens: Float, rays: Float, reach: Float) -> NDArray[np.bool_]:
+    """Pixels whose ray meets the leaf within its reach (glazed leaves too)."""
+    d = np.array([leaf.direction[0], leaf.direction[1], 0.0])
+    n = np.array([-d[1], d[0], 0.0])
+    offset = np.array([leaf.x, leaf.y, 0.0]) - lens
+    hidden = np.zeros(reach.shape, bool)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for face in (-0.02, 0.0, 0.02):
+            at = (offset @ n + face) / (rays @ n)
+            along = at * (rays @ d) - offset @ d
+            high = lens[2] + at * rays[..., 2]
+            hidden |= (
+                (at > 0)
+                & (at <= reach)
+                & (np.abs(along) <= leaf.length / 2)
+                & (high <= leaf.height)
+            )
+    return hidden
+
+
+def _runs(mask: NDArray[np.bool_], gap: int) -> list[tuple[int, int]]:
+    """Runs (first, last) of True, joined over at most `gap` False."""
+    where = np.flatnonzero(mask)
+    if len(where) == 0:
+        return []
+    breaks = np.flatnonzero(np.diff(where) > gap + 1)
+    firsts = where[np.concatenate([[0], breaks + 1])]
+    lasts = where[np.concatenate([breaks, [len(where) - 1]])]
+    return list(zip(firsts.tolist(), lasts.tolist(), strict=True))
+
+
+class _View:
+    """Rays and points of one picture in the plan."""
+
+    def __init__(self, camera: Camera, eye: Eye, depth: NDArray[np.float32]) -> None:
+        self.camera, self.eye = camera, eye
+        self.lens = eye.lens()
+        rays = grid_rays(camera)
+        self.rays = rays @ eye.axes().T
+        self.depth = np.where(np.isnan(depth), 1e3, depth).astype(np.float64)
+        self.points = self.lens + self.depth[..., None] * self.rays
+        turned = rays @ rotation(eye.pose).T
+        self.azimuth = np.degrees(np.arctan2(turned[..., 1], turned[..., 0]))
+        columns = np.linspace(-0.5, camera.width - 0.5, 2 * camera.width + 1)
+        row = np.full_like(columns, (camera.height - 1) / 2)
+        middle = pixel_to_ray(camera, np.stack([columns, row], -1)) @ rotation(eye.pose).T
+        self.columns = columns[::-1]
+        self.middle = np.degrees(np.arctan2(middle[:, 1], middle[:, 0]))[::-1]
+
+    def azimuth_of(self, plan: Float) -> float:
+        """Bearing of a plan point (x, y) from the lens, about its robot's heading."""
+        d = plan[:2] - self.lens[:2]
+        angle = np.degrees(np.arctan2(d[1], d[0])) - self.eye.heading_deg
+        return float((angle + 180) % 360 - 180)
+
+    def azimuth_at(self, column: float) -> float:
+        return float(np.interp(column, self.columns[::-1], self.middle[::-1]))
+
+    def column(self, azimuth: float) -> float:
+        return float(np.interp(azimuth, self.middle, self.columns))
+
+
+def _through(
+    furnished: Furnished, view: _View, portal: Portal
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Pixels inside the opening, and those of them that look through it."""
+    home = furnished.home
+    lens = _wall_frame(portal, view.lens, True)
+    rays = _wall_frame(portal, view.rays, False)
+    side = 1.0 if lens[1] > 0 else -1.0
+    low, high = portal.free
+    inside = np.ones(view.depth.shape, bool)
+    past = np.zeros_like(view.depth)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for across in (side * home.wall_m / 2, -side * home.wall_m / 2):
+            past = (across - lens[1]) / rays[..., 1]
+            along = lens[0] + past * rays[..., 0]
+            up = lens[2] + past * rays[..., 2]
+            inside &= (past > 0) & (along > low) & (along < high)
+            inside &= (up > portal.sill) & (up < portal.height)
+    seen = inside & (view.depth > past - 0.01)
+    for other in furnished.home.portals:
+        # A neighbour's leaf hides the opening as well, but not from behind it.
+        leaf = leaf_of(home, other)
+        if leaf is not None and set(other.rooms) & set(portal.rooms):
+            reach = view.depth + 0.03
+            if other is not portal:
+                reach = np.minimum(reach, past)
+            seen &= ~_hidden_by_leaf(leaf, view.lens, view.rays, reach)
+    return inside, seen
+
+
+def _jambs(home_wall_m: float, portal: Portal, view: _View) -> tuple[float, float]:
+    """(left, right) bearings between which the opening is free, both faces of the wall counted."""
+    low, high = portal.free
+    ends = []
+    for along in (low, high):
+        ends.append(
+            [
+                view.azimuth_of(np.array(portal.point(along, across)))
+                for across in (-home_wall_m / 2, home_wall_m / 2)
+            ]
+        )
+    a, b = (ends[0], ends[1]) if np.mean(ends[0]) > np.mean(ends[1]) else (ends[1], ends[0])
+    return min(a), max(b)
+
+
+def _opening(
+    furnished: Furnished, plan: Plan, view: _View, index: int, footprint: Footprint
+) -> OpeningTruth | None:
+    home, camera = furnished.home, view.camera
+    portal = home.portals[index]
+    inside, seen = _through(furnished, view, portal)
+    if seen.sum() < 12:
+        return None
+    step = (view.middle[-1] - view.middle[0]) / camera.width
+    left, right = _jambs(home.wall_m, portal, view)
+    lowest = float(view.azimuth.min())
+    bins = ((view.azimuth - lowest) / step).astype(int)
+    size = int(bins.max()) + 1
+    whole = np.bincount(bins[inside], minlength=size)
+    through = np.bincount(bins[seen], minlength=size)
+    good = (through >= np.maximum(2, SEEN_ENOUGH * whole)) & (whole > 0)
+    # A person or a lamp before an opening does not make it two.
+    runs = _runs(good, int(0.25 * (left - right) / step))
+    if not runs:
+        return None
+    first, last = max(runs, key=lambda r: int(through[r[0] : r[1] + 1].sum()))
+    seen_right, seen_left = lowest + first * step, lowest + (last + 1) * step
+    seen_right = right if abs(seen_right - right) < 1.6 * step else seen_right
+    seen_left = left if abs(seen_left - left) < 1.6 * step else seen_left
+    edge_right, edge_left = float(view.middle[0]), float(view.middle[-1])
+    cut_left, cut_right = left > edge_left + 0.3 * step, right < edge_right - 0.3 * step
+    if cut_left and seen_left > edge_left - 1.6 * step:
+        seen_left = edge_left
+    if cut_right and seen_right < edge_right + 1.6 * step:
+        seen_right = edge_right
+    seen_left, seen_right = min(seen_left, edge_left), max(seen_right, edge_right)
+    if seen_left - seen_right < step:
+        return None
+    left_px, right_px = view.column(seen_left), view.column(seen_right)
+    middle = view.azimuth_at((left_px + right_px) / 2)
+    target = _on_wall(portal, view, middle)
+    if target is None:
+        return None
+    to = target - np.array([view.eye.x, view.eye.y])
+    bearing = np.degrees(np.arctan2(to[1], to[0])) - view.eye.heading_deg
+    cuts = (cut_left and seen_left == edge_left, cut_right and seen_right == edge_right)
+    cut = {(True, True): "both", (True, False): "left", (False, True): "right"}.get(cuts)
+    area = float(seen.mean())
+    share = float(seen.sum() / max(inside.sum(), 1))
+    width = (right_px - left_px) / camera.width
+    sure = 3 if width > 0.05 and share > 0.35 and area > 0.012 else 2
+    # A wide passage, or one of which a single jamb is seen, is a matter of taste.
+    if portal.state == "archway" and (portal.width > 1.6 or cut is not None):
+        sure = min(sure, 2)
+    return OpeningTruth(
+        index,
+        portal.state,
+        left_px,
+        right_px,
+        seen_left,
+        seen_right,
+        float((bearing + 180) % 360 - 180),
+        float(np.hypot(*to)),
+        (left, right),
+        cut,
+        share,
+        area,
+        _clear(plan, view, target, footprint),
+        sure,
+    )
+
+
+def _on_wall(portal: Portal, view: _View, azimuth: float) -> Float | None:
+    """Where a bearing from the lens meets the middle of the threshold's wall, in the plan."""
+    angle = np.radians(azimuth + view.eye.heading_deg)
+    direction = np.array([np.cos(angle), np.sin(angle)])
+    axis = portal.axis
+    if abs(direction[axis]) < 1e-6:
+        return None
+    reach = (portal.wall - view.lens[axis]) / direction[axis]
+    return np.asarray(view.lens[:2] + reach * direction) if reach > 0 else None
+
+
+def _clear(plan: Plan, view: _View, target: Float, footprint: Footprint) -> bool | None:
+    start = np.array([view.eye.x, view.eye.y])
+    run = target - start
+    length = float(np.hypot(*run))
+    ahead = run / max(length, 1e-9)
+    off = view.points[..., :2] - start
+    forward = off @ ahead
+    aside = off @ np.array([-ahead[1], ahead[0]])
+    z = view.points[..., 2]
+    strip = (forward > 0) & (forward < length) & (np.abs(aside) < footprint.width_m / 2)
+    if plan.free(start, target, footprint.width_m):
+        return True if (strip & (np.abs(z) < FLOOR_M)).any() else None
+    blocked = strip & (z > LOW_M) & (z < footprint.height_m)
+    return False if blocked.sum() >= 3 else None
+
+
+def _states(furnished: Furnished, view: _View, room: int) -> tuple[str, ...]:
+    """Closed doors, windows, mirrors and tall furniture of the room that stand in view."""
+    half = (view.middle[-1] - view.middle[0]) / 2
+    found: list[tuple[float, str]] = []
+    targets = [(p.point(0.0), p.state) for p in furnished.home.portals_of(room)]
+    targets += [((m.x, m.y), "mirror") for m in furnished.mirrors if m.room == room]
+    targets += [
+        ((p.x, p.y), "wardrobe")
+        for p in furnished.standing
+        if p.room == room and p.item.name == "wardrobe"
+    ]
+    for at, state in targets:
+        if abs(view.azimuth_of(np.array(at))) < half * 0.95:
+            distance = float(np.hypot(at[0] - view.lens[0], at[1] - view.lens[1]))
+            found.append((distance, state))
+    return tuple(state for _, state in sorted(found))
+
+
+def truth_of(
+    plan: Plan,
+    camera: Camera,
+    eye: Eye,
+    depth: NDArray[np.float32],
+    footprint: Footprint = Footprint(),
+) -> Truth:
+    """Truth of one picture from its plan and its exact depth (H, W), nan for the sky."""
+    furnished = plan.furnished
+    view = _View(camera, eye, depth)
+    floor = (np.abs(view.points[..., 2]) < FLOOR_M) & ~np.isnan(depth)
+    room = furnished.home.room_at(float(view.lens[0]), float(view.lens[1]))
+    if room is None:
+        raise ValueError("the camera must stand inside a room of the home")
+    found = []
+    for index, portal in enumerate(furnished.home.portals):
+        if portal.is_open and room.index in portal.rooms:
+            opening = _opening(furnished, plan, view, index, footprint)
+            if opening is not None:
+                found.append(opening)
+    width = camera.width
+    counted = [
+        o for o in found if (o.right_px - o.left_px) / width >= LEAST_WIDTH and o.area >= LEAST_AREA
+    ]
+    counted.sort(key=lambda o: -o.area)
+    return Truth(
+        tuple(counted), floor, len(counted) < len(found), _states(furnished, view, room.index)
+    )

@@ -1,0 +1,51 @@
+"""One picture of one home from a stated place: examples, tests, a look around."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from doorway3ds.camera.model import Camera
+from doorway3ds.lab.sim.homes import apartment as homes
+from doorway3ds.lab.sim.homes.plan import Plan
+from doorway3ds.lab.sim.pictures.dataset import (
+    Shot,
+    largest,
+    take,
+    texels_a_metre,
+    truth_object,
+    write_depth,
+)
+from doorway3ds.lab.sim.render.renderer import Eye, Renderer, open_context
+from doorway3ds.lab.sim.render.scene import build
+
+
+def photograph(home: int, camera: Camera, eye: Eye, noise: int | None = 0) -> Shot:
+    """The picture and truth of a home's seed; noise: seed of the sensor's errors, None = ideal."""
+    size = (camera.width, camera.height)
+    context = open_context()
+    try:
+        scene = build(homes.generate(home), texels_a_metre(camera.width), largest(size))
+        renderer = Renderer(scene, context)
+        rng = None if noise is None else np.random.default_rng([0x707, home, noise])
+        try:
+            return take(renderer, Plan(scene.furnished), camera, eye, rng)
+        finally:
+            renderer.close()
+    finally:
+        context.free()
+
+
+def save(shot: Shot, home: int, path: Path) -> list[Path]:
+    """Picture at `path`; NAME.json (truth), NAME.depth.png (mm), NAME.floor.png beside it."""
+    truth, depth = path.with_suffix(".json"), path.with_suffix(".depth.png")
+    floor = path.with_suffix(".floor.png")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    cv2.imwrite(str(path), shot.rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 93])
+    write_depth(depth, shot.depth, 9)
+    cv2.imwrite(str(floor), shot.truth.floor.astype(np.uint8) * 255)
+    truth.write_text(json.dumps(truth_object(shot, path.name, home), indent=1) + "\n")
+    return [path, truth, depth, floor]

@@ -1,0 +1,209 @@
+"""Pictures for a room's walls, floor and ceiling, soft light and contact shadows painted in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.lab.sim.homes.apartment import Room
+from doorway3ds.lab.sim.homes.furnish import Furnished, footprint
+from doorway3ds.lab.sim.render import textures
+
+Rng = np.random.Generator
+Picture = NDArray[np.float32]
+
+
+def repeat(tile: Picture, height: int, width: int) -> Picture:
+    """A seamless tile laid over (height, width)."""
+    rows = np.arange(height) % tile.shape[0]
+    columns = np.arange(width) % tile.shape[1]
+    return np.asarray(tile[rows][:, columns])
+
+
+@dataclass(frozen=True)
+class Glow:
+    """Where a room's light comes from: points (N, 3) with strengths (N,), walls of the room."""
+
+    points: NDArray[np.float64]
+    strengths: NDArray[np.float64]
+
+
+def glow_of(furnished: Furnished, room: Room) -> Glow:
+    home = furnished.home
+    points = [(x, y, home.ceiling_m - 0.25) for x, y in room.lamps]
+    strengths = [1.6 * max(room.light)] * len(points)
+    for portal in home.portals_of(room.index):
+        x, y = portal.point(0.0, 0.3 if portal.rooms[1] == room.index else -0.3)
+        z = (portal.sill + portal.height) / 2
+        outdoors = -1 in portal.rooms
+        if outdoors:
+            strengths.append(1.8 * portal.width * home.style["day"] + 0.02)
+            points.append((x, y, z))
+        elif portal.is_open:
+            other = portal.rooms[0] if portal.rooms[1] == room.index else portal.rooms[1]
+            strengths.append(0.5 * max(home.rooms[other].light))
+            points.append((x, y, z))
+    return Glow(np.array(points), np.array(strengths))
+
+
+def light_on(glow: Glow, points: NDArray[np.float64], normal: NDArray[np.float64]) -> Picture:
+    """Brightness at (h, w, 3) points of one face, about 0.6..1.1."""
+    total = np.zeros(points.shape[:2])
+    for at, strength in zip(glow.points, glow.strengths, strict=True):
+        to = at - points
+        d2 = (to**2).sum(-1)
+        facing = np.clip((to @ normal) / np.sqrt(d2 + 1e-6), 0.08, 1.0)
+        total += strength * facing / (0.8 + d2)
+    level = total / max(float(np.median(total)), 1e-3)
+    return (0.62 + 0.3 * np.clip(level, 0, 2.0) ** 0.8).astype(np.float32)
+
+
+def edge_shade(height: int, width: int, ppm: float, sides: str = "lrbt") -> Picture:
+    """Darkening towards the edges where faces meet; rows go up."""
+    x = (np.arange(width) + 0.5) / ppm
+    y = (np.arange(height) + 0.5) / ppm
+    out = np.ones((height, width))
+    falls = {
+        "l": x[None, :],
+        "r": (width / ppm - x)[None, :],
+        "b": y[:, None],
+        "t": (height / ppm - y)[:, None],
+    }
+    for side in sides:
+        out = out * (1 - 0.22 * np.exp(-falls[side] / 0.16) - 0.1 * np.exp(-falls[side] / 0.6))
+    return out.astype(np.float32)
+
+
+def _low_res(shape: tuple[int, int], ppm: float) -> tuple[int, int]:
+    return max(4, int(shape[0] / ppm * 8)), max(4, int(shape[1] / ppm * 8))
+
+
+def _lightmap(
+    glow: Glow,
+    start: NDArray[np.float64],
+    u: NDArray[np.float64],
+    v: NDArray[np.float64],
+    normal: NDArray[np.float64],
+    shape: tuple[int, int],
+    ppm: float,
+) -> Picture:
+    rows, columns = _low_res(shape, ppm)
+    b = (np.arange(rows) + 0.5) / rows * shape[0] / ppm
+    a = (np.arange(columns) + 0.5) / columns * shape[1] / ppm
+    points = start + a[None, :, None] * u + b[:, None, None] * v
+    small = light_on(glow, points, normal)
+    big = cv2.resize(small, (shape[1], shape[0]), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(big, np.float32)
+
+
+def floor_picture(furnished: Furnished, room: Room, tile: Picture, ppm: float) -> Picture:
+    """The floor of a room, row 0 at its low-y side."""
+    t = furnished.home.wall_m / 2
+    x0, y0, x1, y1 = room.x0 + t, room.y0 + t, room.x1 - t, room.y1 - t
+    shape = (max(8, int((y1 - y0) * ppm)), max(8, int((x1 - x0) * ppm)))
+    mask = np.zeros(shape, np.float32)
+    for p in furnished.standing:
+        if p.room == room.index:
+            a = footprint(p.item, p.x, p.y, p.yaw_deg)
+            corners = [
+                int((a[0] - x0) * ppm),
+                int((a[1] - y0) * ppm),
+                int((a[2] - x0) * ppm),
+                int((a[3] - y0) * ppm),
+            ]
+            cv2.rectangle(mask, (corners[0], corners[1]), (corners[2], corners[3]), 1.0, -1)
+    near = cv2.GaussianBlur(mask, (0, 0), max(0.07 * ppm, 0.5))
+    wide = cv2.GaussianBlur(mask, (0, 0), max(0.22 * ppm, 0.5))
+    light = _lightmap(
+        glow_of(furnished, room),
+        np.array([x0, y0, 0.0]),
+        np.array([1.0, 0, 0]),
+        np.array([0, 1.0, 0]),
+        np.array([0, 0, 1.0]),
+        shape,
+        ppm,
+    )
+    light = light * edge_shade(*shape, ppm) * (1 - 0.35 * near - 0.3 * wide)
+    return np.asarray(np.clip(repeat(tile, *shape) * light[..., None], 0, 1), np.float32)
+
+
+def ceiling_picture(furnished: Furnished, room: Room, colour: Picture, ppm: float) -> Picture:
+    t = furnished.home.wall_m / 2
+    x0, y0, x1, y1 = room.x0 + t, room.y0 + t, room.x1 - t, room.y1 - t
+    shape = (max(8, int((y1 - y0) * ppm)), max(8, int((x1 - x0) * ppm)))
+    top = furnished.home.ceiling_m
+    light = _lightmap(
+        glow_of(furnished, room),
+        np.array([x0, y0, top]),
+        np.array([1.0, 0, 0]),
+        np.array([0, 1.0, 0]),
+        np.array([0, 0, -1.0]),
+        shape,
+        ppm,
+    )
+    light *= edge_shade(*shape, ppm)
+    return np.asarray(np.clip(colour * light[..., None], 0, 1), np.float32)
+
+
+def wall_picture(
+    furnished: Furnished,
+    room: Room,
+    side: int,
+    start: NDArray[np.float64],
+    length: float,
+    tile: Picture,
+    ppm: float,
+) -> Picture:
+    """One wall face, row 0 at the floor, with shadows behind what stands against it."""
+    home = furnished.home
+    shape = (max(8, int(home.ceiling_m * ppm)), max(8, int(length * ppm)))
+    u = np.array([0, 1.0, 0]) if side < 2 else np.array([1.0, 0, 0])
+    normal = (
+        np.array([1.0, 0, 0]),
+        np.array([-1.0, 0, 0]),
+        np.array([0, 1.0, 0]),
+        np.array([0, -1.0, 0]),
+    )[side]
+    mask = np.zeros(shape, np.float32)
+    axis = 1 if side < 2 else 0
+    for p in furnished.standing:
+        if p.room != room.index:
+            continue
+        r = footprint(p.item, p.x, p.y, p.yaw_deg)
+        gap = (r[0] - start[0], start[0] - r[2], r[1] - start[1], start[1] - r[3])[side]
+        if gap < 0.25:
+            a, b = (r[axis] - start[axis]) * ppm, (r[axis + 2] - start[axis]) * ppm
+            cv2.rectangle(mask, (int(a), 0), (int(b), int(p.item.size[2] * ppm)), 1.0, -1)
+    for p in furnished.hung:
+        if p.room == room.index and p.z < home.ceiling_m - 0.01:
+            off = (p.x - start[0], p.y - start[1])[1 - axis]
+            if abs(off) < 0.05:
+                c = (p.x, p.y)[axis] - start[axis]
+                w, h = p.item.size[0] / 2, p.item.size[2] / 2
+                cv2.rectangle(
+                    mask,
+                    (int((c - w) * ppm), int((p.z - h - 0.03) * ppm)),
+                    (int((c + w) * ppm), int((p.z + h) * ppm)),
+                    0.7,
+                    -1,
+                )
+    dark = cv2.GaussianBlur(mask, (0, 0), max(0.06 * ppm, 0.5))
+    light = _lightmap(glow_of(furnished, room), start, u, np.array([0, 0, 1.0]), normal, shape, ppm)
+    light = light * edge_shade(*shape, ppm) * (1 - 0.4 * dark)
+    return np.asarray(np.clip(repeat(tile, *shape) * light[..., None], 0, 1), np.float32)
+
+
+def skybox(rng: Rng, size: int, day: bool) -> NDArray[np.uint8]:
+    """Six faces stacked (6 * size, size, 3): right, left, up, down, front, back as MuJoCo wants."""
+    panorama = textures.outside(rng, size, 4 * size)
+    if not day:
+        panorama = panorama * 0.12
+    sides = [panorama[:, i * size : (i + 1) * size] for i in range(4)]
+    up = np.broadcast_to(panorama[0].mean(0), (size, size, 3))
+    down = np.broadcast_to(panorama[-1].mean(0), (size, size, 3))
+    # Around the horizon: front, right, back, left.
+    faces = [sides[1], sides[3], up, down, sides[0], sides[2]]
+    return (np.concatenate(faces) * 255).astype(np.uint8)

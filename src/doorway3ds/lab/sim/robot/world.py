@@ -1,0 +1,245 @@
+"""A robot that stands in a simulated home: what its cameras see, as it turns."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.camera.model import Camera, Pose
+from doorway3ds.lab.sim.homes.apartment import Home
+from doorway3ds.lab.sim.homes.plan import Plan
+from doorway3ds.lab.sim.pictures.dataset import Shot, exposed, largest, take, texels_a_metre
+from doorway3ds.lab.sim.pictures.truth import Truth, truth_of
+from doorway3ds.lab.sim.render.renderer import Eye, Renderer, open_context
+from doorway3ds.lab.sim.render.scene import build
+from doorway3ds.lab.sim.robot.body import MODELS, Body, Clock, Gait
+from doorway3ds.lab.sim.trials.scenarios import Stage, find
+from doorway3ds.robots.base import RobotPose, TurnEnd, TurnResult
+from doorway3ds.robots.nao.format import FRAME_ROBOT, pose_of
+
+T = TypeVar("T")
+VIEWS_KEPT = 8
+AIM_S = 0.5
+
+
+class Studio:
+    """Draws homes, one at a time. OpenGL belongs to one thread, which is here; calls may come from
+    any other.
+
+    size: of the largest picture. plain: coarse textures and no shadows, where only depth counts.
+    The last views of a home are kept: a robot that stands still sees the same again, and drawing
+    is most of an episode's work.
+    """
+
+    def __init__(self, size: tuple[int, int] = (640, 480), plain: bool = False) -> None:
+        self._size, self._plain = size, plain
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="renderer")
+        self._renderer: Renderer | None = None
+        self._plan: Plan | None = None
+        self._home: Home | None = None
+        self._kept: dict[Any, Any] = {}
+        try:
+            self._context: Any = self._do(open_context)
+        except BaseException:
+            self._thread.shutdown()
+            raise
+
+    def shot(self, home: Home, camera: Camera, eye: Eye, rng: np.random.Generator | None) -> Shot:
+        """The picture and truth; rng: of the sensor's errors, None = an ideal one."""
+
+        def draw() -> Shot:
+            renderer, plan = self._enter(home)
+            return take(renderer, plan, camera, eye, None)
+
+        return exposed(self._do(lambda: self._once(home, ("shot", camera, eye), draw)), rng)
+
+    def truth(self, home: Home, camera: Camera, eye: Eye) -> tuple[NDArray[np.float32], Truth]:
+        """Depth and truth alone, in half the time."""
+
+        def draw() -> tuple[NDArray[np.float32], Truth]:
+            renderer, plan = self._enter(home)
+            depth = renderer.draw(camera, eye, shadows=False)[1]
+            return depth, truth_of(plan, camera, eye, depth)
+
+        return self._do(lambda: self._once(home, ("truth", camera, eye), draw))
+
+    def close(self) -> None:
+        if self._context is None:
+            return
+        context, self._context = self._context, None
+
+        def free() -> None:
+            if self._renderer is not None:
+                self._renderer.close()
+            context.free()
+
+        with contextlib.suppress(RuntimeError):
+            self._do(free)
+        self._thread.shutdown()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _do(self, work: Callable[[], T]) -> T:
+        return self._thread.submit(work).result()
+
+    def _once(self, home: Home, view: Any, draw: Callable[[], T]) -> T:
+        """What `draw` gives, or gave for the same view of the same home."""
+        if self._home != home:
+            self._kept.clear()
+        if view not in self._kept:
+            fresh = draw()
+            while len(self._kept) >= VIEWS_KEPT:
+                del self._kept[next(iter(self._kept))]
+            self._kept[view] = fresh
+        found: T = self._kept[view]
+        return found
+
+    def _enter(self, home: Home) -> tuple[Renderer, Plan]:
+        if self._renderer is None or self._plan is None or self._home != home:
+            if self._renderer is not None:
+                self._renderer.close()
+                self._renderer = None
+            ppm = 16.0 if self._plain else texels_a_metre(self._size[0])
+            scene = build(home, ppm, largest(self._size))
+            self._renderer = Renderer(scene, self._context)
+            self._plan, self._home = Plan(scene.furnished), home
+        return self._renderer, self._plan
+
+
+class World:
+    """A body on a stage.
+
+    noise: whether the camera's sensor errs. clock: real by default; a FastClock makes turns cost
+    nothing but simulated time.
+    """
+
+    def __init__(
+        self,
+        studio: Studio,
+        stage: Stage,
+        *,
+        model: str = "nao",
+        noise: bool = True,
+        clock: Clock | None = None,
+        gait: Gait | None = None,
+    ) -> None:
+        rng = np.random.default_rng([0x40B0, stage.seed])
+        self.studio, self.stage = studio, stage
+        self.body = Body(
+            stage.eye.x, stage.eye.y, stage.eye.heading_deg,
+            model=MODELS[model], clock=clock, rng=rng, gait=gait,
+        )  # fmt: skip
+        self._sensor = np.random.default_rng([0x5E45, stage.seed]) if noise else None
+        self.reset_head()
+        self.last: Shot | None = None
+        self._kept: tuple[Any, NDArray[np.uint8]] | None = None
+
+    @classmethod
+    def of_scene(cls, studio: Studio, scene: str, seed: int, *, model: str = "nao", **options: Any
+                 ) -> World:  # fmt: skip
+        """The world of a scene's seed."""
+        return cls(studio, stage_of(studio, scene, seed, model), model=model, **options)
+
+    def reset_head(self) -> None:
+        """As the stage has it; at once."""
+        for joint, angle in zip(("HeadYaw", "HeadPitch"), self.stage.head, strict=True):
+            self.body.aim(joint, angle, 1e9)
+
+    def eye(self, part: str = "CameraTop") -> Eye:
+        x, y, heading = self.body.place()
+        return Eye(x, y, heading % 360, self.pose(part))
+
+    def pose(self, part: str = "CameraTop") -> Pose:
+        return pose_of([float(v) for v in self.body.transform(part, FRAME_ROBOT).ravel()])
+
+    def shot(self, width: int, height: int, part: str = "CameraTop") -> Shot:
+        """What the camera sees now."""
+        camera = self.body.camera(width, height)
+        self.last = self.studio.shot(self.stage.home, camera, self.eye(part), self._sensor)
+        return self.last
+
+    def picture(self, part: str, width: int, height: int) -> NDArray[np.uint8]:
+        """For a virtual NAO's ALVideoDevice."""
+        # A robot that stands still sees the same: drawing takes longer than a camera does.
+        seen = (part, width, height, self.eye(part))
+        if self._kept is None or self._kept[0] != seen:
+            scale = min(1.0, 640 / width)
+            small = self.shot(int(width * scale), int(height * scale), part).rgb
+            if scale < 1.0:
+                import cv2
+
+                small = np.asarray(cv2.resize(small, (width, height)), np.uint8)
+            self._kept = (seen, small)
+        return self._kept[1]
+
+
+class SimRobot:
+    """The body of a world as a robot, without NAOqi in between."""
+
+    def __init__(self, world: World) -> None:
+        self._body = world.body
+        self.name = f"sim://home?seed={world.stage.seed}&scenario={world.stage.scene}"
+
+    def prepare(self) -> None:
+        self._body.awake, self._body.posture = True, "StandInit"
+
+    def turn(self, theta_deg: float, timeout_s: float) -> TurnResult:
+        clock = self._body.clock
+        start, before = clock.now(), self._body.odometry()[2]
+        number = self._body.begin(0.0, 0.0, math.radians(theta_deg))
+        try:
+            arrived = self._body.wait(number)
+        finally:
+            self._body.stop()
+        turned = self._body.odometry()[2] - before
+        end = TurnEnd.DONE if arrived else TurnEnd.STOPPED
+        return TurnResult(theta_deg, turned, end, clock.now() - start)
+
+    def aim(self, yaw_deg: float, pitch_deg: float) -> tuple[float, float] | None:
+        body = self._body
+        before = body.angle("HeadYaw"), body.angle("HeadPitch")
+        body.aim("HeadYaw", math.radians(yaw_deg), 1e9)
+        body.aim("HeadPitch", -math.radians(pitch_deg), 1e9)
+        body.clock.sleep(AIM_S)
+        return math.degrees(before[0]), -math.degrees(before[1])
+
+    def stop(self) -> None:
+        self._body.stop()
+
+    def pose(self) -> RobotPose:
+        return RobotPose(*self._body.odometry())
+
+    def say(self, text: str) -> None:
+        return
+
+    def close(self) -> None:
+        self._body.stop()
+
+
+def stage_of(studio: Studio, scene: str, seed: int, model: str = "nao") -> Stage:
+    """The stage of a scene's seed, verified by pictures of this studio."""
+    body = Body(model=MODELS[model])
+
+    def pose(yaw: float, pitch: float) -> Pose:
+        body.aim("HeadYaw", yaw, 1e12)
+        body.aim("HeadPitch", pitch, 1e12)
+        return pose_of([float(v) for v in body.transform("CameraTop", FRAME_ROBOT).ravel()])
+
+    camera = body.camera(320, 240)
+    return find(scene, seed, camera, pose, lambda home, eye: studio.truth(home, camera, eye)[1])

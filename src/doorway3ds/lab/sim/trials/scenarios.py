@@ -1,0 +1,259 @@
+"""Scenes for a robot: a home, a place to stand, and how a run there should end.
+
+A scene is found by trying homes, doorways and stands in the order of its seed until the plan and
+one exact picture agree that it is one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.camera.model import Camera, Pose
+from doorway3ds.errors import CallError, UserError
+from doorway3ds.lab.sim.homes import apartment as homes
+from doorway3ds.lab.sim.homes import furnish
+from doorway3ds.lab.sim.homes.apartment import Home, Portal, Room
+from doorway3ds.lab.sim.homes.furnish import Furnished, Placed
+from doorway3ds.lab.sim.homes.plan import Plan
+from doorway3ds.lab.sim.pictures.truth import Footprint, OpeningTruth, Truth
+from doorway3ds.lab.sim.render.renderer import Eye
+
+Rng = np.random.Generator
+Point = NDArray[np.float64]
+Truths = Callable[[Home, Eye], Truth]
+"""The exact truth of the picture that a robot takes from a place in a home."""
+
+SCENES = {
+    "doorway": "an open doorway in view, the way free",
+    "no_door": "a room whose doors are all closed",
+    "blocked": "an open doorway with something in the way",
+    "two_doors": "two open doorways in view",
+    "cut": "a doorway cut by the picture's edge",
+    "half_open": "a doorway whose leaf stands half open",
+    "distractor": "mirrors or windows in view, and no open doorway",
+    "low_box": "something of at most 0.4 m inside the footprint",
+    "narrow": "a doorway of 0.5 m",
+    "dark": "a doorway with the lights off",
+    "tilted": "a doorway with the head raised or lowered and turned",
+}
+ENDS = {"no_door": "no_door", "distractor": "no_door", "blocked": "blocked", "low_box": "blocked"}
+"""How a run should end; the others end aligned with the doorway."""
+
+LOW_M = 0.4
+MARGIN_M = 0.06  # beside the footprint, so that no scene hangs on a hair
+ROOM_M = 0.08  # beside the footprint, between the jambs as they are seen
+TRIES = 2000
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A scene, ready to be played.
+
+    eye: where the robot stands. head: yaw and pitch (+ down) in radians.
+    """
+
+    scene: str
+    seed: int
+    home: Home
+    eye: Eye
+    head: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def expected(self) -> str:
+        return ENDS.get(self.scene, "aligned")
+
+
+def find(scene: str, seed: int, camera: Camera, pose_of: Callable[[float, float], Pose],
+         truths: Truths) -> Stage:  # fmt: skip
+    """The stage of a scene's seed.
+
+    camera: of the robot; pose_of: its pose for a head's yaw and pitch.
+    Raises CallError for an unknown scene, UserError where no home has one (never seen).
+    """
+    if scene not in SCENES:
+        raise CallError(f"expected a scene of {', '.join(SCENES)}, got {scene!r}")
+    rng = np.random.default_rng([0x5CE4E, list(SCENES).index(scene), seed])
+    head = (0.0, 0.0)
+    if scene == "tilted":
+        head = (float(np.radians(rng.uniform(-15, 15))), float(np.radians(rng.uniform(-12, 12))))
+    pose = pose_of(*head)
+    for home, eye, plan in _candidates(scene, rng, camera, pose):
+        if _is(scene, truths(home, eye), plan, eye):
+            return Stage(scene, seed, home, eye, head)
+    raise UserError(f"no home among {TRIES} shows the scene {scene} for seed {seed}; try another")
+
+
+def _candidates(scene: str, rng: Rng, camera: Camera, pose: Pose
+                ) -> Iterator[tuple[Home, Eye, Plan]]:  # fmt: skip
+    half = camera.hfov_deg / 2
+    for _ in range(TRIES):
+        home = homes.generate(int(rng.integers(1 << 30)))
+        order = list(home.portals)
+        rng.shuffle(order)
+        for portal in order:
+            inside = [index for index in portal.rooms if index >= 0]
+            if not inside or not _suits(scene, portal):
+                continue
+            room = home.rooms[inside[int(rng.integers(len(inside)))]]
+            changed, target = _changed(scene, home, room, portal)
+            stand = _stand(scene, rng, changed, room, target, pose, half)
+            if stand is not None:
+                yield changed, *stand
+                break
+
+
+def _suits(scene: str, portal: Portal) -> bool:
+    if scene == "distractor":
+        return portal.state == "window"
+    if scene == "no_door":
+        return portal.state == "closed"
+    if scene == "half_open":
+        return portal.state in ("half", "open")
+    if scene == "narrow":
+        return portal.state in ("no_leaf", "archway")
+    return portal.is_open and -1 not in portal.rooms
+
+
+def _changed(scene: str, home: Home, room: Room, portal: Portal) -> tuple[Home, Portal]:
+    """The home as the scene needs it, and the portal in it that it is about."""
+    target = portal
+    if scene == "half_open":
+        target = replace(portal, state="half", angle_deg=40.0 + portal.angle_deg % 15.0)
+    if scene == "narrow":
+        target = replace(portal, state="no_leaf", width=0.5, height=min(portal.height, 2.1))
+    portals = []
+    for other in home.portals:
+        if other is portal:
+            portals.append(target)
+        elif room.index in other.rooms and other.is_open and scene != "two_doors":
+            shut = "sliding_closed" if other.state == "sliding_open" else "closed"
+            portals.append(replace(other, state=shut, angle_deg=0.0))
+        else:
+            portals.append(other)
+    rooms = home.rooms
+    if scene == "dark":
+        rooms = tuple(replace(r, light=tuple(0.16 * v for v in r.light)) for r in rooms)  # type: ignore[arg-type]
+    return replace(home, portals=tuple(portals), rooms=rooms), target
+
+
+def _stand(scene: str, rng: Rng, home: Home, room: Room, portal: Portal, pose: Pose, half: float
+           ) -> tuple[Eye, Plan] | None:  # fmt: skip
+    """A place and heading from which the scene should be seen, by the plan alone.
+
+    What costs nothing is asked first: furnishing a home takes longer than all the rest.
+    """
+    margin = home.wall_m / 2 + 0.22
+    aim = np.array(portal.point(sum(portal.free) / 2))
+    plan: Plan | None = None
+    for _ in range(200):
+        at = np.array([
+            rng.uniform(room.x0 + margin, max(room.x1 - margin, room.x0 + margin + 0.01)),
+            rng.uniform(room.y0 + margin, max(room.y1 - margin, room.y0 + margin + 0.01)),
+        ])  # fmt: skip
+        away = aim - at
+        distance, across = float(np.hypot(*away)), abs(at[portal.axis] - portal.wall)
+        if not 1.5 < distance < 4.2 or across / distance < 0.55:
+            continue
+        visible = float(np.degrees(np.arctan2(portal.width / 2, distance)))
+        reach = max(2.0, half - visible - 2.0)
+        off = rng.uniform(-reach, reach)
+        if scene == "cut":
+            off = rng.choice([-1.0, 1.0]) * rng.uniform(half - visible * 0.5, half + visible * 0.3)
+        heading = float(np.degrees(np.arctan2(away[1], away[0]))) - off
+        second = _another(home, room, portal, at, heading, half) if scene == "two_doors" else None
+        if scene == "two_doors" and second is None:
+            continue
+        if plan is None:
+            furnished = furnish.furnish(home)
+            if scene == "low_box" and not _low_things(furnished, room):
+                return None
+            plan = Plan(furnished)
+        if not plan.free_at(float(at[0]), float(at[1]), 0.2):
+            continue
+        if not _way_suits(scene, plan, at, aim):
+            continue
+        if second is not None and not plan.free(at, second, Footprint().width_m + MARGIN_M):
+            continue
+        return Eye(float(at[0]), float(at[1]), (heading - pose.yaw_deg) % 360, pose), plan
+    return None
+
+
+def _way_suits(scene: str, plan: Plan, at: Point, aim: Point) -> bool:
+    width = Footprint().width_m
+    if scene in ("no_door", "distractor"):
+        return True
+    if ENDS.get(scene) is None:
+        return plan.free(at, aim, width + MARGIN_M)
+    if plan.free(at, aim, width - 0.04, walls=False):
+        return False
+    if scene == "blocked":
+        return True
+    low = _low_things(plan.furnished, None)
+    without = tuple(p for p in plan.furnished.standing if p not in low)
+    return Plan(replace(plan.furnished, standing=without)).free(at, aim, width)
+
+
+def _low_things(furnished: Furnished, room: Room | None) -> list[Placed]:
+    return [
+        p for p in furnished.standing
+        if p.item.size[2] <= LOW_M and (room is None or p.room == room.index)
+    ]  # fmt: skip
+
+
+def _another(home: Home, room: Room, portal: Portal, at: Point, heading: float, half: float
+             ) -> Point | None:  # fmt: skip
+    """The middle of a second doorway of the room that lies in view as a whole."""
+    for other in home.portals_of(room.index):
+        if other == portal or not other.is_open or -1 in other.rooms:
+            continue
+        ends = [np.array(other.point(end)) - at for end in other.free]
+        off = [(np.degrees(np.arctan2(y, x)) - heading + 180) % 360 - 180 for x, y in ends]
+        aim = np.array(other.point(sum(other.free) / 2))
+        distance = max(float(np.hypot(*(aim - at))), 1e-9)
+        across = abs(at[other.axis] - other.wall) / distance
+        if max(np.abs(off)) < half - 1.5 and across > 0.4 and 1.3 < distance < 5:
+            return aim
+    return None
+
+
+def _is(scene: str, truth: Truth, plan: Plan, eye: Eye) -> bool:
+    """Whether one exact picture shows the scene."""
+    seen = truth.openings
+    if scene == "no_door":
+        return not seen and not truth.glimpse
+    if scene == "distractor":
+        return not seen and not truth.glimpse and bool({"mirror", "window"} & set(truth.states))
+    if not seen:
+        return False
+    if scene in ("blocked", "low_box"):
+        return len(seen) == 1 and _plain(seen[0]) and seen[0].clear is False
+    if scene == "two_doors":
+        return len(seen) >= 2 and all(_plain(o) and _passable(o, plan, eye) for o in seen[:2])
+    if scene == "cut":
+        is_cut = seen[0].cut in ("left", "right") and seen[0].clear is not False
+        return len(seen) == 1 and is_cut and _wide(seen[0])
+    return len(seen) == 1 and _plain(seen[0]) and _passable(seen[0], plan, eye)
+
+
+def _passable(opening: OpeningTruth, plan: Plan, eye: Eye) -> bool:
+    """Whether the way to the middle of what is seen is free, and not by a hair."""
+    angle = np.radians(eye.heading_deg + opening.bearing_deg)
+    at = np.array([eye.x, eye.y])
+    aim = at + opening.range_m * np.array([np.cos(angle), np.sin(angle)])
+    return opening.clear is True and plan.free(at, aim, Footprint().width_m + MARGIN_M)
+
+
+def _wide(opening: OpeningTruth) -> bool:
+    """Whether the robot passes between the jambs straight ahead."""
+    left, right = opening.jambs_deg
+    width = 2 * opening.range_m * np.tan(np.radians(max(left - right, 0.0) / 2))
+    return bool(width >= Footprint().width_m + ROOM_M)
+
+
+def _plain(opening: OpeningTruth) -> bool:
+    """In view as a whole, and not so hidden that a person would overlook it."""
+    return opening.cut is None and opening.seen > 0.35 and opening.confidence >= 2

@@ -1,0 +1,227 @@
+"""Episodes: a robot on a stage, a method, and whether it ended where it should.
+
+The loop, the gate to motion and the methods are those of `3ds run`; only the body, its clock and
+its camera are simulated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from doorway3ds.camera.model import Camera
+from doorway3ds.decide.follow import follow
+from doorway3ds.decide.gates import decide
+from doorway3ds.decide.opening import columns_from_spans, select_opening, way_below
+from doorway3ds.decide.paper import select_paper
+from doorway3ds.decide.pipeline import Pipeline
+from doorway3ds.lab.sim.pictures.truth import Truth
+from doorway3ds.lab.sim.robot.body import FastClock
+from doorway3ds.lab.sim.robot.world import SimRobot, Studio, World
+from doorway3ds.lab.sim.trials.scenarios import Stage
+from doorway3ds.networks.base import Network
+from doorway3ds.robots.base import Driver, TurnResult
+from doorway3ds.robots.loop import Loop, LoopParams, Outcome
+from doorway3ds.types import Decision, Frame, Perception
+
+Method = Literal["opening", "paper"]
+SIZE = (320, 240)
+LOOK_S = 0.3  # simulated: exposure, transfer and network
+FACES_DEG = 5.0
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One run. off_deg: from the nearest open doorway of the room at the end, None without one.
+
+    wrong_turns: turns towards a doorway that led away from every one in the picture.
+    without_door, when_blocked: it turned towards something, or said it faced it, where it
+    should not have.
+    clear: whether the way to that doorway is free in the last picture, by its truth.
+    took_s: simulated time.
+    """
+
+    scene: str
+    seed: int
+    method: str
+    network: str
+    outcome: str
+    why: str
+    success: bool
+    off_deg: float | None
+    clear: bool | None
+    wrong_turns: int
+    without_door: bool
+    when_blocked: bool
+    goes: int
+    turns: int
+    looks: int
+    took_s: float
+
+
+class _Eyes:
+    """The camera of a world, with the truth of the last picture at hand.
+
+    A network needs the picture; truth needs only depth, which is drawn in half the time.
+    """
+
+    def __init__(self, world: World, clock: FastClock, pictures: bool) -> None:
+        self._world, self._clock, self._pictures = world, clock, pictures
+        self._camera: Camera = world.body.camera(*SIZE)
+        self.depth: np.ndarray | None = None
+        self.truth: Truth | None = None
+        self.seen: Callable[[Frame], None] = lambda frame: None
+
+    def read(self, timeout_s: float | None = None) -> Frame:
+        self._clock.sleep(LOOK_S / 2)
+        stamp, eye = self._clock.now(), self._world.eye()
+        if self._pictures:
+            shot = self._world.shot(*SIZE)
+            image, self.depth, self.truth = shot.rgb, shot.depth, shot.truth
+        else:
+            image = np.zeros((SIZE[1], SIZE[0], 3), np.uint8)
+            home = self._world.stage.home
+            self.depth, self.truth = self._world.studio.truth(home, self._camera, eye)
+        self._clock.sleep(LOOK_S / 2)
+        frame = Frame(image, self._camera, eye.pose, stamp)
+        self.seen(frame)
+        return frame
+
+
+class _Judge(SimRobot):
+    """Turns as the simulated robot does, and knows whether that led away from every doorway."""
+
+    def __init__(self, world: World, eyes: _Eyes) -> None:
+        super().__init__(world)
+        self._eyes = eyes
+        self.away: list[bool] = []
+
+    def turn(self, theta_deg: float, timeout_s: float) -> TurnResult:
+        truth = self._eyes.truth
+        bearings = [o.bearing_deg for o in truth.openings] if truth is not None else []
+        was, now = (
+            min((abs(b - turned) for b in bearings), default=180.0) for turned in (0.0, theta_deg)
+        )
+        self.away.append(not bearings or bool(now > was + 1 and now > FACES_DEG))
+        return super().turn(theta_deg, timeout_s)
+
+
+def play(
+    studio: Studio,
+    stage: Stage,
+    method: Method,
+    network: Network | None = None,
+    params: LoopParams | None = None,
+    watch: Callable[[Decision, World], None] = lambda decision, world: None,
+) -> Episode:
+    """Plays an episode. network: None for true perception."""
+    clock = FastClock()
+    world = World(studio, stage, clock=clock)
+    eyes = _Eyes(world, clock, network is not None)
+    robot = _Judge(world, eyes)
+    pipeline = None if network is None else Pipeline(network, method)
+    goes: list[int] = []
+
+    def look(frame: Frame, expected_deg: float | None) -> Decision:
+        decision = pipeline.decide(frame) if pipeline else _true_decision(eyes, frame, method)
+        decision = follow(
+            decision,
+            expected_deg,
+            pipeline.params if pipeline else None,
+            pipeline.gates if pipeline else None,
+        )
+        watch(decision, world)
+        return decision
+
+    def check(frame: Frame, decision: Decision) -> bool | None:
+        if pipeline is not None:
+            return pipeline.check_way(frame, decision)
+        found = decision.selection
+        return way_below(_perfect(eyes, frame), frame, found.bearing_deg or 0.0, found.range_m)
+
+    def note(line: str) -> None:
+        if line.startswith("look") and "-> go" in line:
+            goes.append(len(robot.away))
+
+    driver = Driver(robot, move=True, clock=clock.now)
+    report = Loop(
+        eyes, look, driver, params, check=check if method == "opening" else None,
+        tell=note, clock=clock.now, sleep=clock.sleep,
+    ).run()  # fmt: skip
+    wrong = sum(robot.away[k] for k in goes if k < len(robot.away))
+    off, clear = _off(studio, world)
+    went = bool(goes) or report.outcome is Outcome.ALIGNED
+    return Episode(
+        scene=stage.scene,
+        seed=stage.seed,
+        method=method,
+        network="truth" if network is None else network.name,
+        outcome=str(report.outcome),
+        why=report.why,
+        success=bool(_succeeded(stage, report.outcome, off, bool(goes))),
+        off_deg=off,
+        clear=clear,
+        wrong_turns=int(wrong),
+        without_door=stage.expected == "no_door" and went,
+        when_blocked=stage.expected == "blocked" and went,
+        goes=report.goes,
+        turns=report.goes + report.searches,
+        looks=report.looks,
+        took_s=report.took_s,
+    )
+
+
+def _perfect(eyes: _Eyes, frame: Frame) -> Perception:
+    if eyes.truth is None or eyes.depth is None:
+        raise RuntimeError("a decision needs a look")
+    spans = [(o.left_px, o.right_px) for o in eyes.truth.openings]
+    return Perception(
+        p_open=float(bool(spans)),
+        columns=columns_from_spans(spans, frame.camera.width),
+        depth_m=eyes.depth,
+        floor=eyes.truth.floor.astype(np.float32),
+    )
+
+
+def _true_decision(eyes: _Eyes, frame: Frame, method: Method) -> Decision:
+    perception = _perfect(eyes, frame)
+    if method == "paper":
+        return decide(perception, select_paper(perception, frame), frame, method)
+    return decide(perception, select_opening(perception, frame), frame, method)
+
+
+def _succeeded(stage: Stage, outcome: Outcome, off: float | None, went: bool) -> bool:
+    if stage.expected == "aligned":
+        return outcome is Outcome.ALIGNED and off is not None and off <= FACES_DEG
+    return str(outcome) == stage.expected and not went
+
+
+def _bearings(stage: Stage, x: float, y: float) -> list[float]:
+    """Plan bearings of the open doorways of the robot's room."""
+    room = stage.home.room_at(x, y)
+    out = []
+    for portal in stage.home.portals_of(room.index) if room is not None else []:
+        if portal.is_open:
+            px, py = portal.point(sum(portal.free) / 2)
+            out.append(float(np.degrees(np.arctan2(py - y, px - x))))
+    return out
+
+
+def _gap(a: float, b: float) -> float:
+    return abs((a - b + 180) % 360 - 180)
+
+
+def _off(studio: Studio, world: World) -> tuple[float | None, bool | None]:
+    """How far from facing the nearest doorway, by the exact picture, else by the plan."""
+    eye = world.eye()
+    # The head may look aside; what the robot faces is judged straight ahead.
+    ahead = replace(eye, pose=replace(eye.pose, yaw_deg=0.0, pitch_deg=0.0))
+    truth = studio.truth(world.stage.home, world.body.camera(*SIZE), ahead)[1]
+    if truth.openings:
+        nearest = min(truth.openings, key=lambda o: abs(o.bearing_deg))
+        return float(abs(nearest.bearing_deg)), nearest.clear
+    bearings = _bearings(world.stage, eye.x, eye.y)
+    return min((_gap(b, eye.heading_deg) for b in bearings), default=None), None
