@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from doorway3ds.cli._panel import Panel
+from doorway3ds.cli.shared.panel import Panel
 from doorway3ds.errors import UserError
 from doorway3ds.images.film import Film
 from doorway3ds.robots.runlog import looks, read_log

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from doorway3ds.cli._training import Watch
+from doorway3ds.cli.shared.training import Watch
 
 
 class Terminal(io.StringIO):

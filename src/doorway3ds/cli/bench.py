@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from doorway3ds.cli._camera import require_range
+from doorway3ds.cli.shared.camera import require_range
 from doorway3ds.errors import CallError
 
 RESULTS = Path("benchmarks/results")

@@ -44,7 +44,7 @@ def calibrate(
     from doorway3ds.camera.calibration import Board
     from doorway3ds.camera.calibration import calibrate as run
     from doorway3ds.camera.info import write_camera_info
-    from doorway3ds.cli._inputs import expand
+    from doorway3ds.cli.shared.inputs import expand
 
     size = re.fullmatch(r"(\d+)x(\d+)", board)
     if size is None:

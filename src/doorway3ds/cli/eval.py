@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from doorway3ds.cli._camera import CameraOptions
-from doorway3ds.cli._options import Mirror
-from doorway3ds.cli._progress import Progress
-from doorway3ds.cli._tables import print_tables
+from doorway3ds.cli.shared.camera import CameraOptions
+from doorway3ds.cli.shared.options import Mirror
+from doorway3ds.cli.shared.progress import Progress
+from doorway3ds.cli.shared.tables import print_tables
 from doorway3ds.errors import CallError
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from doorway3ds.cli._camera import CameraOptions
-from doorway3ds.cli._listening import (
+from doorway3ds.cli.shared.camera import CameraOptions
+from doorway3ds.cli.shared.listening import (
     Host,
     ListenOptions,
     Port,
@@ -17,7 +17,7 @@ from doorway3ds.cli._listening import (
     TlsName,
     Token,
 )
-from doorway3ds.cli._options import Camera, FovDeg, Network, Threads
+from doorway3ds.cli.shared.options import Camera, FovDeg, Network, Threads
 
 if TYPE_CHECKING:
     from doorway3ds.lab.datasets.samples import FitCamera
@@ -91,7 +91,7 @@ def label(
 
 
 def _guesser(folder: Path, network: str, threads: int | None, fit: FitCamera | None) -> Guesser:
-    from doorway3ds.cli._pipeline import build_pipeline
+    from doorway3ds.cli.shared.pipeline import build_pipeline
     from doorway3ds.lab.datasets.readers import folder_camera
     from doorway3ds.web.label.guess import guesser
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from doorway3ds.cli._camera import CameraOptions, require_range
-from doorway3ds.cli._options import (
+from doorway3ds.cli.shared.camera import CameraOptions, require_range
+from doorway3ds.cli.shared.options import (
     Camera,
     FovDeg,
     HeightM,
@@ -26,7 +26,7 @@ from doorway3ds.cli._options import (
     Threads,
     WidthM,
 )
-from doorway3ds.cli._robot import (
+from doorway3ds.cli.shared.robot import (
     MOVE_HELP,
     ROBOT_HELP,
     logged,
@@ -34,13 +34,13 @@ from doorway3ds.cli._robot import (
     require_robot,
     robot_of,
 )
-from doorway3ds.cli._signals import ended_by_sigterm
-from doorway3ds.cli._watch import Watch, counts, print_json
+from doorway3ds.cli.shared.signals import ended_by_sigterm
+from doorway3ds.cli.shared.watch import Watch, counts, print_json
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.images.film import Film, require_film
 
 if TYPE_CHECKING:
-    from doorway3ds.cli._camera import CameraChoice
+    from doorway3ds.cli.shared.camera import CameraChoice
     from doorway3ds.decide.pipeline import Pipeline
     from doorway3ds.robots.base import Driver, Robot
     from doorway3ds.robots.loop import Report
@@ -139,7 +139,7 @@ def live(
             watch.log = stack.enter_context(_recording(record, pipeline, found, watch))
         driver = None if robot is None else stack.enter_context(_driver(robot, found, move))
         if panelled:
-            from doorway3ds.cli._panel import Panel
+            from doorway3ds.cli.shared.panel import Panel
 
             named = [found.name, method, pipeline.network.name]
             named += [] if robot is None else [f"robot {robot}"]

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from doorway3ds.cli._camera import CameraChoice, CameraOptions
-from doorway3ds.cli._inputs import Input, expand
-from doorway3ds.cli._native import NativeErrors
-from doorway3ds.cli._options import (
+from doorway3ds.cli.shared.camera import CameraChoice, CameraOptions
+from doorway3ds.cli.shared.inputs import Input, expand
+from doorway3ds.cli.shared.native import NativeErrors
+from doorway3ds.cli.shared.options import (
     Camera,
     FovDeg,
     HeightM,
@@ -27,8 +27,8 @@ from doorway3ds.cli._options import (
     Threads,
     WidthM,
 )
-from doorway3ds.cli._pipeline import build_pipeline
-from doorway3ds.cli._progress import Progress
+from doorway3ds.cli.shared.pipeline import build_pipeline
+from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.errors import CallError, UserError
 
 if TYPE_CHECKING:

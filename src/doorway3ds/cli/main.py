@@ -96,7 +96,7 @@ def commands() -> list[str]:
     """Names of all commands that exist."""
     from doorway3ds import cli
 
-    found = {m.name for m in pkgutil.iter_modules(cli.__path__) if not m.name.startswith("_")}
+    found = {m.name for m in pkgutil.iter_modules(cli.__path__) if not m.ispkg}
     found.discard("main")
     return [name for name in _ORDER if name in found] + sorted(found - set(_ORDER))
 

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from doorway3ds.cli._camera import CameraOptions
-from doorway3ds.cli._options import (
+from doorway3ds.cli.shared.camera import CameraOptions
+from doorway3ds.cli.shared.options import (
     Batch,
     Camera,
     FovDeg,
@@ -20,7 +20,7 @@ from doorway3ds.cli._options import (
     PlacesFile,
     TrainThreads,
 )
-from doorway3ds.cli._training import Count, Watch, command_line, say
+from doorway3ds.cli.shared.training import Count, Watch, command_line, say
 from doorway3ds.errors import CallError
 
 _STOPPED = 130
@@ -139,7 +139,7 @@ def qualify(
     if not to_stdout:
         from rich.console import Console
 
-        from doorway3ds.cli._tables import print_tables
+        from doorway3ds.cli.shared.tables import print_tables
         from doorway3ds.lab.train.site.score import table
 
         print_tables(Console(), [table(done.comparison)])

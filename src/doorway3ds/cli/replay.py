@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from doorway3ds.cli._options import Threads
+from doorway3ds.cli.shared.options import Threads
 from doorway3ds.errors import CallError, UserError
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class _Kept:
 def _pipeline(
     start: dict[str, Any], network: str | None, method: str | None, threads: int | None
 ) -> tuple[Pipeline, _Kept | None]:
-    from doorway3ds.cli._pipeline import build_pipeline
+    from doorway3ds.cli.shared.pipeline import build_pipeline
     from doorway3ds.decide.gates import Gates
     from doorway3ds.decide.pipeline import Method, Pipeline
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from doorway3ds.cli._camera import CameraOptions
-from doorway3ds.cli._options import (
+from doorway3ds.cli.shared.camera import CameraOptions
+from doorway3ds.cli.shared.options import (
     Camera,
     EvalLayout,
     FovDeg,
@@ -25,8 +25,8 @@ from doorway3ds.cli._options import (
     Validation,
     Weights,
 )
-from doorway3ds.cli._tables import print_tables
-from doorway3ds.cli._training import Count, Watch, command_line, say
+from doorway3ds.cli.shared.tables import print_tables
+from doorway3ds.cli.shared.training import Count, Watch, command_line, say
 from doorway3ds.errors import CallError
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ def reproduce(
 def _answers(
     folder: Path, network: str, options: CameraOptions, threads: int | None
 ) -> list[Answer]:
-    from doorway3ds.cli._pipeline import build_pipeline
+    from doorway3ds.cli.shared.pipeline import build_pipeline
     from doorway3ds.lab.evaluate.paper import printed
     from doorway3ds.lab.evaluate.paper import reproduce as tables
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from doorway3ds.cli._camera import CameraOptions, require_range
-from doorway3ds.cli._options import Camera, MaxUnseenM, Method, Threads, WidthM
-from doorway3ds.cli._robot import (
+from doorway3ds.cli.shared.camera import CameraOptions, require_range
+from doorway3ds.cli.shared.options import Camera, MaxUnseenM, Method, Threads, WidthM
+from doorway3ds.cli.shared.robot import (
     MOVE_HELP,
     ROBOT_HELP,
     logged,
@@ -82,7 +82,7 @@ def run(
     require_range("--blocked-s", blocked_s, 0, 600)
     choice = CameraOptions(camera).resolve()
 
-    from doorway3ds.cli._signals import ended_by_sigterm
+    from doorway3ds.cli.shared.signals import ended_by_sigterm
     from doorway3ds.decide.follow import follow
     from doorway3ds.robots.base import Driver, Limits
     from doorway3ds.robots.loop import Loop, LoopParams

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from doorway3ds.cli._camera import CameraOptions, require_range
-from doorway3ds.cli._listening import (
+from doorway3ds.cli.shared.camera import CameraOptions, require_range
+from doorway3ds.cli.shared.listening import (
     Host,
     ListenOptions,
     Port,
@@ -16,7 +16,7 @@ from doorway3ds.cli._listening import (
     TlsName,
     Token,
 )
-from doorway3ds.cli._options import (
+from doorway3ds.cli.shared.options import (
     Camera,
     FovDeg,
     HeightM,
@@ -32,7 +32,7 @@ from doorway3ds.errors import CallError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from doorway3ds.cli._camera import CameraChoice
+    from doorway3ds.cli.shared.camera import CameraChoice
     from doorway3ds.sources import Source
     from doorway3ds.web.serve.settings import Settings
 

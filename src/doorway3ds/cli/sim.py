@@ -100,7 +100,7 @@ def nao(
     import threading
     from importlib import import_module
 
-    from doorway3ds.cli._signals import ended_by_sigterm
+    from doorway3ds.cli.shared.signals import ended_by_sigterm
     from doorway3ds.lab.sim.robot.body import MODELS
     from doorway3ds.lab.sim.robot.nao import VirtualNao
     from doorway3ds.lab.sim.trials.scenarios import SCENES

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from doorway3ds.cli._options import (
+from doorway3ds.cli.shared.options import (
     Batch,
     Board,
     Epochs,
@@ -28,7 +28,7 @@ from doorway3ds.cli._options import (
     Validation,
     Weights,
 )
-from doorway3ds.cli._training import Count, Watch, command_line, say
+from doorway3ds.cli.shared.training import Count, Watch, command_line, say
 from doorway3ds.errors import CallError
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from doorway3ds.cli._pipeline import build_pipeline
+from doorway3ds.cli.shared.pipeline import build_pipeline
 from doorway3ds.errors import CallError
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from doorway3ds.cli._camera import require_range
+from doorway3ds.cli.shared.camera import require_range
 from doorway3ds.errors import CallError, UserError
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import time
 from collections import deque
 from datetime import timedelta
 
-from doorway3ds.cli._progress import Progress
+from doorway3ds.cli.shared.progress import Progress
 
 _WIDTH = 20
 

@@ -14,7 +14,7 @@ from doorway3ds.live.feed import Feed
 from doorway3ds.types import Decision, Frame, Perception, Reason
 
 if TYPE_CHECKING:
-    from doorway3ds.cli._panel import Panel
+    from doorway3ds.cli.shared.panel import Panel
     from doorway3ds.decide.pipeline import Pipeline
     from doorway3ds.images.film import Film
     from doorway3ds.live.tracker import Tracked
