@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import contextlib
-import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -14,7 +13,15 @@ import pytest
 from tests import tinynets
 from tests.pictures import encode, scene
 
-_NEEDED = ("fastapi", "uvicorn", "python_multipart", "httpx", "segno", "cryptography")
+_NEEDED = (
+    "fastapi",
+    "uvicorn",
+    "python_multipart",
+    "httpx",
+    "prometheus_client",
+    "segno",
+    "cryptography",
+)
 collect_ignore_glob = [] if all(find_spec(name) for name in _NEEDED) else ["test_*.py"]
 
 if not collect_ignore_glob:
@@ -22,11 +29,12 @@ if not collect_ignore_glob:
 
     from doorway3ds.sources.base import Source
     from doorway3ds.web.base.run import listen, make_server
+    from doorway3ds.web.base.settings import Limits
     from doorway3ds.web.base.shield import Shield
     from doorway3ds.web.base.tls import Certificate
     from doorway3ds.web.serve.app import create_app
-    from doorway3ds.web.serve.hall import Hall
-    from doorway3ds.web.serve.settings import Limits, Settings
+    from doorway3ds.web.serve.settings import Settings
+    from doorway3ds.web.serve.state import ServeState
 
 
 @dataclass(frozen=True)
@@ -35,7 +43,7 @@ class Served:
 
     url: str
     port: int
-    hall: Hall
+    state: ServeState
     client: httpx.Client
     stop: Callable[[], None]
 
@@ -96,7 +104,7 @@ def answering(app: Shield, certificate: Certificate | None = None) -> Iterator[S
     """Any application on a free port of this machine."""
     bound = listen("127.0.0.1", 0)
     port = bound.getsockname()[1]
-    settings = app.hall.settings
+    access = app.state.access
     started = threading.Event()
     server = make_server(app, certificate, started.set)
     thread = threading.Thread(target=lambda: server.run(sockets=[bound]))
@@ -104,15 +112,15 @@ def answering(app: Shield, certificate: Certificate | None = None) -> Iterator[S
     assert started.wait(60)
 
     def stop() -> None:
-        server.handle_exit(signal.SIGTERM, None)
+        server.should_exit = True
         thread.join(timeout=30)
         assert not thread.is_alive(), "the server did not end"
 
     url = f"{'https' if certificate else 'http'}://127.0.0.1:{port}"
-    headers = {"Authorization": f"Bearer {settings.token}"} if settings.token else {}
+    headers = {"Authorization": f"Bearer {access.token}"} if access.token else {}
     with httpx.Client(base_url=url, headers=headers, timeout=60, verify=False) as client:
         try:
-            yield Served(url, port, app.hall, client, stop)
+            yield Served(url, port, app.state, client, stop)
         finally:
             stop()
 

@@ -91,8 +91,9 @@ def serve(
 
     import cv2
 
+    from doorway3ds.web.base.settings import Limits
     from doorway3ds.web.serve.app import create_app
-    from doorway3ds.web.serve.settings import Limits, Settings
+    from doorway3ds.web.serve.settings import Settings
 
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     settings = Settings(

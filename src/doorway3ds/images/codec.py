@@ -147,3 +147,13 @@ def write_image(path: str | os.PathLike[str], image: NDArray[np.uint8], quality:
     if not done:
         raise UserError(f"cannot write {path}: OpenCV could not encode {image.shape}")
     return write_bytes(path, encoded.tobytes())
+
+
+def encode_jpeg(image: NDArray[np.uint8], quality: int = 88) -> bytes:
+    """(H, W, 3) uint8 RGB as a JPEG file."""
+    done, data = cv2.imencode(
+        ".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, quality]
+    )
+    if not done:
+        raise UserError(f"an image of shape {image.shape} cannot be written as a JPEG")
+    return data.tobytes()

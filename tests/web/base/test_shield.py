@@ -134,13 +134,44 @@ def test_a_slow_body_is_given_up(serve: Serve) -> None:
     assert answer.startswith(b"HTTP/1.1 408 ")
     assert b'"too_slow_body"' in answer
     assert time.monotonic() - start < 5
-    assert served.hall.uploads == 0
+    assert served.state.uploads == 0
 
 
 def test_a_slow_head_is_cut_off(serve: Serve) -> None:
     served = serve(limits={"head_s": 0.3})
     assert request(served, b"") == b""
     assert request(served, b"GET /healthz HTTP/1.1\r\nHost: ") == b""
+
+
+def test_a_slow_head_is_cut_off_after_an_answer_too(serve: Serve) -> None:
+    served = serve(limits={"head_s": 0.3})
+    whole = f"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\n\r\n".encode()
+    start = time.monotonic()
+    answers = request(served, whole + whole + b"GET /healthz HTTP/1.1\r\nHo")
+    assert answers.count(b"HTTP/1.1 200 ") == 2
+    assert time.monotonic() - start < 5
+
+
+def test_a_long_head_is_refused(shared: Served) -> None:
+    answer = request(shared, b"GET / HTTP/1.1\r\nX: " + b"x" * 20_000)
+    assert answer.startswith(b"HTTP/1.1 431 ")
+    assert b'"bad_request"' in answer
+
+
+def test_a_head_in_pieces_and_a_body_in_chunks_arrive_whole(shared: Served, photo: bytes) -> None:
+    head = f"POST /v1/decide HTTP/1.1\r\nHost: 127.0.0.1:{shared.port}\r\n".encode()
+    head += b"Transfer-Encoding: chunked\r\nConnection: close\r\n\r\n"
+    chunks = b"".join(
+        b"%x\r\n%s\r\n" % (len(part), part)
+        for part in (photo[at : at + 500] for at in range(0, len(photo), 500))
+    )
+    sent = head + chunks + b"0\r\n\r\n"
+    with socket.create_connection(("127.0.0.1", shared.port), timeout=10) as raw:
+        for at in range(0, len(sent), 37):
+            raw.sendall(sent[at : at + 37])
+        answer = read_all(raw)
+    assert answer.startswith(b"HTTP/1.1 200 ")
+    assert b'"reason": "turn"' in answer
 
 
 def test_what_is_no_http_gets_an_error_object(shared: Served) -> None:
@@ -154,7 +185,7 @@ def test_a_client_that_hangs_up_leaves_nothing_behind(shared: Served, photo: byt
     for sent in (head(served, 5000) + b"half", head(served, len(photo)) + photo):
         with socket.create_connection(("127.0.0.1", served.port)) as raw:
             raw.sendall(sent)
-    wait_for(lambda: served.hall.uploads == 0 and served.hall.work.in_flight == 0)
+    wait_for(lambda: served.state.uploads == 0 and served.state.work.in_flight == 0)
     assert served.client.post("/v1/decide", content=photo).status_code == 200
 
 
@@ -164,14 +195,14 @@ def test_too_many_uploads_are_refused(serve: Serve, photo: bytes) -> None:
     try:
         for raw in slow:
             raw.sendall(head(served, 5000))
-        wait_for(lambda: served.hall.uploads == 2)
+        wait_for(lambda: served.state.uploads == 2)
         answer = served.client.post("/v1/decide", content=photo)
         assert answer.status_code == 429
         assert int(answer.headers["retry-after"]) >= 1
     finally:
         for raw in slow:
             raw.close()
-    wait_for(lambda: served.hall.uploads == 0)
+    wait_for(lambda: served.state.uploads == 0)
     assert served.client.post("/v1/decide", content=photo).status_code == 200
 
 
@@ -200,7 +231,7 @@ def test_beyond_the_limit_decisions_are_refused_at_once(
     ]
     for thread in threads:
         thread.start()
-    wait_for(lambda: served.hall.work.in_flight == 3)
+    wait_for(lambda: served.state.work.in_flight == 3)
     refused = served.client.post("/v1/decide", content=photo)
     assert refused.status_code == 429
     assert refused.json()["error"]["code"] == "busy"
@@ -224,9 +255,9 @@ def test_a_decision_that_takes_too_long_is_given_up(
     assert answer.status_code == 503
     assert "retry-after" in answer.headers
     # It goes on in its thread and counts until it ends.
-    assert served.hall.work.in_flight == 1
+    assert served.state.work.in_flight == 1
     gate.set()
-    wait_for(lambda: served.hall.work.in_flight == 0)
+    wait_for(lambda: served.state.work.in_flight == 0)
 
 
 def test_the_end_waits_for_what_is_at_hand(
@@ -250,7 +281,7 @@ def test_the_end_waits_for_what_is_at_hand(
         )
     )
     post.start()
-    wait_for(lambda: served.hall.work.in_flight == 1)
+    wait_for(lambda: served.state.work.in_flight == 1)
     end = threading.Thread(target=served.stop)
     end.start()
     time.sleep(0.3)

@@ -73,14 +73,14 @@ def test_decisions_come_as_events_with_memory(served: Served, tap: Tap) -> None:
                 assert 0.5 < data["tracked"]["belief"] < 1
                 assert data["view"]["width"] == 160
         assert numbers == sorted(set(numbers))
-        assert served.hall.streams == 1
-    wait_for(lambda: served.hall.streams == 0)
+        assert served.state.streams == 1
+    wait_for(lambda: served.state.streams == 0)
 
 
 def test_the_pictures_are_those_of_the_events(served: Served, tap: Tap) -> None:
     assert served.client.get("/v1/frame.jpg").status_code == 503
     tap.wanted.release()
-    wait_for(lambda: served.hall.live.frames == 1)
+    wait_for(lambda: served.state.live.frames == 1)
     plain = served.client.get("/v1/frame.jpg?style=plain&frame=1")
     assert plain.headers["x-frame"] == "1"
     shown = read_image(plain.content).image
@@ -97,7 +97,7 @@ def test_other_settings_hold_from_the_next_frame_on(served: Served, tap: Tap) ->
     changed = served.client.put("/v1/source", json={"method": "paper", "fov_deg": 40})
     assert changed.json()["fields"] == {"method": "paper", "fov_deg": 40}
     tap.wanted.release()
-    wait_for(lambda: served.hall.live.frames == 1)
+    wait_for(lambda: served.state.live.frames == 1)
     answer = served.client.get("/v1/decision").json()
     assert answer["method"] == "paper"
     assert answer["camera"]["name"] == "fov 40 deg"
@@ -113,8 +113,8 @@ def test_a_live_source_that_stalls_says_so_and_the_doorway_is_lost(serve: Serve)
     tap = Tap(live=True)
     served = serve(source=("tap", lambda: tap))
     tap.wanted.release()
-    wait_for(lambda: served.hall.live.frames)
-    assert served.hall.live.get(1).decision.reason == "turn"
+    wait_for(lambda: served.state.live.frames)
+    assert served.state.live.get(1).decision.reason == "turn"
     wait_for(lambda: served.client.get("/v1/decision").json()["reason"] == "lost")
     assert served.client.get("/healthz").json()["status"] == "degraded"
     tap.wanted.release()
@@ -123,10 +123,10 @@ def test_a_live_source_that_stalls_says_so_and_the_doorway_is_lost(serve: Serve)
 
 def test_a_source_that_is_gone_is_told_and_closed(served: Served, tap: Tap) -> None:
     tap.wanted.release()
-    wait_for(lambda: served.hall.live.frames == 1)
+    wait_for(lambda: served.state.live.frames == 1)
     tap.lost = True
     tap.wanted.release()
-    wait_for(lambda: served.hall.live.state == "lost")
+    wait_for(lambda: served.state.live.state == "lost")
     source = served.client.get("/v1/info").json()["source"]
     assert source["problem"] == "the tap is dry"
     assert served.client.get("/v1/decision").json()["reason"] == "lost"

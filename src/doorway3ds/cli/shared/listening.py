@@ -58,7 +58,7 @@ class ListenOptions:
         Raises CallError for options that do not go together, UserError where the address is
         taken.
         """
-        from doorway3ds.web.serve.settings import is_loopback
+        from doorway3ds.web.base.settings import is_loopback
 
         token = _token(self.token, self.host, is_loopback(self.host))
 

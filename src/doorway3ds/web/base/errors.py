@@ -37,3 +37,11 @@ def busy(what: str, retry_after_s: int) -> ApiError:
         f"too many {what} at once; try again in {retry_after_s} s",
         {"Retry-After": str(retry_after_s)},
     )
+
+
+def invalid(errors: Any) -> ApiError:
+    """422 with the first of pydantic's errors in one line."""
+    first = errors[0]
+    where = ".".join(str(part) for part in first["loc"] if part not in ("query", "body"))
+    message = str(first["msg"]).removeprefix("Value error, ")
+    return ApiError(422, "invalid_field", f"{where}: {message}" if where else message)

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import socket
 from collections.abc import Callable
 from pathlib import Path
-from types import FrameType
-from typing import Any
+from typing import Any, cast
 
 import uvicorn
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from doorway3ds.errors import UserError
-from doorway3ds.web.base.protocol import Protocol
+from doorway3ds.web.base.gate import Gates
 from doorway3ds.web.base.shield import Shield
 from doorway3ds.web.base.tls import Certificate
 
@@ -42,20 +43,20 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 class Server(uvicorn.Server):
-    """uvicorn's server, which tells open streams to end when it is to end."""
+    """uvicorn's server, which says when it answers and tells open streams to end when it is to."""
 
-    def __init__(self, config: Any, closing: Callable[[], None], ready: Callable[[], None]) -> None:
+    def __init__(self, config: Any, ready: Callable[[], None], ending: Callable[[], None]) -> None:
         super().__init__(config)
-        self._closing = closing
         self._ready = ready
+        self._ending = ending
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
         self._ready()
 
-    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        self._closing()
-        super().handle_exit(sig, frame)
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._ending()
+        await super().shutdown(sockets)
 
 
 def make_server(
@@ -68,14 +69,14 @@ def make_server(
 
     ready: called once it answers.
     """
-    limits = app.hall.settings.limits
+    limits = app.state.access.limits
     logging.getLogger("uvicorn.error").addFilter(_quiet)
     logging.getLogger("python_multipart").setLevel(logging.ERROR)
-    protocol = type("Protocol", (Protocol,), {"head_s": limits.head_s})
+    gates = Gates(limits.head_s, H11Protocol)
     chain, key = (certificate.chain, certificate.key) if certificate else (None, None)
     config = uvicorn.Config(
         app,
-        http=protocol,
+        http=cast(type[asyncio.Protocol], gates),
         ws="none",
         loop="asyncio",
         lifespan="on",
@@ -90,7 +91,12 @@ def make_server(
         ssl_certfile=_text(chain),
         ssl_keyfile=_text(key),
     )
-    return Server(config, app.hall.end, ready)
+
+    def end() -> None:
+        app.state.end()
+        gates.end()
+
+    return Server(config, ready, end)
 
 
 def _text(path: Path | None) -> str | None:

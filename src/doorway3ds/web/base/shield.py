@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-import hmac
 import time
-from collections.abc import Awaitable, Callable, Mapping, MutableMapping
-from http.cookies import CookieError, SimpleCookie
+from collections.abc import Awaitable, Callable, MutableMapping
 from typing import Any
-from urllib.parse import urlsplit
 
+from doorway3ds.web.base.access import Access
 from doorway3ds.web.base.errors import ApiError
-from doorway3ds.web.serve.hall import Entrance
-from doorway3ds.web.serve.settings import LOOPBACK_NAMES, Limits
+from doorway3ds.web.base.settings import Limits
+from doorway3ds.web.base.state import ServerState
 
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
@@ -20,11 +18,6 @@ Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
-COOKIE = "doorway3ds"
-_SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
-# Told to anybody: load balancers carry no token, and the form that asks for it needs its style.
-_OPEN_PATHS = frozenset({"/", "/healthz", "/favicon.ico"})
-_OPEN_FOLDER = "/static/"
 
 _HEADERS = (
     (
@@ -56,12 +49,12 @@ class Shield:
     routes: paths that are counted by their own name.
     """
 
-    def __init__(self, app: App, hall: Entrance, routes: frozenset[str]) -> None:
-        self.hall = hall
+    def __init__(self, app: App, state: ServerState, routes: frozenset[str]) -> None:
+        self.state = state
         self._app = app
-        self._token = hall.settings.token
-        self._limits = hall.settings.limits
-        self._metrics = hall.metrics
+        self._access = Access(state.access.token)
+        self._limits = state.access.limits
+        self._metrics = state.metrics
         self._routes = routes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -94,41 +87,28 @@ class Shield:
             try:
                 body = self._admit(scope)
             except ApiError as error:
-                self._metrics.count("doorway3ds_refused_total", code=error.code)
+                self._metrics.refused.labels(error.code).inc()
                 await answer(error, guarded)
                 return
             await self._app(scope, _bounded(receive, self._limits, body), guarded)
         except SlowClient:
-            self._metrics.count("doorway3ds_refused_total", code="slow_client")
+            self._metrics.refused.labels("slow_client").inc()
         except Exception:
             # The application has logged it, and answered unless it had begun to.
             if status == 0:
                 raise
         finally:
             spent = time.perf_counter() - start
-            self._metrics.count("doorway3ds_requests_total", route=route, status=str(status))
+            self._metrics.requests.labels(route, str(status)).inc()
             if route != "/v1/stream":
-                self._metrics.observe("doorway3ds_request_seconds", spent, route=route)
+                self._metrics.request_seconds.labels(route).observe(spent)
 
     def _admit(self, scope: Scope) -> int | None:
         """The length that the request's head announces; ApiError where it may not enter."""
         headers = {
             name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]
         }
-        if self._token is None:
-            _require_local_name(headers.get("host", ""))
-        if scope["method"] not in _SAFE:
-            _require_same_origin(headers)
-        path = scope["path"]
-        is_open = path in _OPEN_PATHS or path.startswith(_OPEN_FOLDER)
-        if not is_open and not carries_token(headers, self._token):
-            raise ApiError(
-                401,
-                "unauthorized",
-                "expected the server's token: Authorization: Bearer TOKEN, or open the link "
-                "that the server printed",
-                {"WWW-Authenticate": "Bearer"},
-            )
+        self._access.check(scope["method"], scope["path"], headers)
         length = headers.get("content-length")
         if length is None:
             return None
@@ -137,54 +117,6 @@ class Shield:
         if int(length) > self._limits.max_bytes:
             raise too_large(self._limits)
         return int(length)
-
-
-def carries_token(headers: Mapping[str, str], token: str | None) -> bool:
-    """Whether a request may enter by its Authorization header or its cookie."""
-    if token is None:
-        return True
-    scheme, _, given = headers.get("authorization", "").partition(" ")
-    if scheme.lower() == "bearer" and same(given.strip(), token):
-        return True
-    try:
-        cookie = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
-    except CookieError:
-        return False
-    return cookie is not None and same(cookie.value, token)
-
-
-def same(given: str, token: str) -> bool:
-    """Compares in a time that tells nothing of where they differ."""
-    return hmac.compare_digest(given.encode("utf-8", "replace"), token.encode())
-
-
-def _require_local_name(host: str) -> None:
-    """Without a token only this machine may ask, and under its own name: a page of another site
-    can point a name of its own at 127.0.0.1, but not this one."""
-    try:
-        name = urlsplit(f"//{host}").hostname
-    except ValueError:
-        name = None
-    if name not in LOOPBACK_NAMES:
-        raise ApiError(
-            403,
-            "wrong_host",
-            "without a token this server answers only under localhost, 127.0.0.1 and [::1]; "
-            "start it with --token to use another name",
-        )
-
-
-def _require_same_origin(headers: Mapping[str, str]) -> None:
-    """A browser says from which page a request comes; only this server's own may post."""
-    origin = headers.get("origin")
-    if origin is None:
-        return
-    try:
-        netloc = urlsplit(origin).netloc
-    except ValueError:
-        netloc = ""
-    if not netloc or netloc != headers.get("host"):
-        raise ApiError(403, "wrong_origin", "requests from pages of other sites are refused")
 
 
 def too_large(limits: Limits) -> ApiError:

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.errors import UserError
-from doorway3ds.images.codec import SUFFIXES, Picture, read_image
+from doorway3ds.images.codec import SUFFIXES, Picture, encode_jpeg, read_image
 from doorway3ds.web.label.marks import Marks
-from doorway3ds.web.serve.live import encode_jpeg
 
 MAX_SIDE = 1600  # of the copy that a browser gets
 _KEPT = 24  # prepared pictures

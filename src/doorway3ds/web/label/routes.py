@@ -11,15 +11,15 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from doorway3ds.errors import UserError
 from doorway3ds.web.base.errors import ApiError
-from doorway3ds.web.base.front import json_answer
-from doorway3ds.web.label.app import Desk, desk_of
+from doorway3ds.web.base.routes import json_answer
+from doorway3ds.web.base.schemas import errors
+from doorway3ds.web.label.app import LabelState, label_state
 from doorway3ds.web.label.marks import MAX_OPENINGS, MarkedOpening, Marks
 from doorway3ds.web.label.pictures import Prepared
 from doorway3ds.web.label.table import MarkedMeanwhile
-from doorway3ds.web.serve import schemas
 
 router = APIRouter()
-SharedDesk = Annotated[Desk, Depends(desk_of)]
+State = Annotated[LabelState, Depends(label_state)]
 Number = Annotated[int, Path(ge=0, description="Of the picture, from 0.")]
 Confidence = Annotated[int, Field(ge=1, le=3)]
 Column = Annotated[float, Field(allow_inf_nan=False)]
@@ -58,11 +58,11 @@ class ChangeBody(BaseModel):
     revision: str = Field(max_length=40)
 
 
-@router.get("/v1/folder", responses=schemas.errors(*_ALWAYS), summary="The folder and its state")
-async def folder(desk: SharedDesk) -> Response:
+@router.get("/v1/folder", responses=errors(*_ALWAYS), summary="The folder and its state")
+async def folder(state: State) -> Response:
     """`start` is the picture to go on with: the first unmarked one after the last marked one."""
-    states = await asyncio.to_thread(desk.table.states)
-    pictures = desk.pictures
+    states = await asyncio.to_thread(state.table.states)
+    pictures = state.pictures
     there = set(pictures.names)
     marked = [n for n, name in enumerate(pictures.names) if name in states]
     after = marked[-1] if marked else -1
@@ -71,50 +71,50 @@ async def folder(desk: SharedDesk) -> Response:
             "name": pictures.folder.resolve().name,
             "pictures": len(pictures),
             "marked": len(marked),
-            "start": _unmarked(desk, states, after) or 0,
+            "start": _unmarked(state, states, after) or 0,
             "guesses": pictures.guesses,
             "left_out": list(pictures.left_out),
             "rows_of_others": sum(name not in there for name in states),
-            "link": desk.settings.link,
+            "link": state.access.link,
         }
     )
 
 
-@router.get("/v1/unmarked", responses=schemas.errors(*_ALWAYS, 422), summary="The next unmarked")
+@router.get("/v1/unmarked", responses=errors(*_ALWAYS, 422), summary="The next unmarked")
 async def unmarked(
-    desk: SharedDesk, after: Annotated[int, Query(ge=-1, description="Look from here on.")] = -1
+    state: State, after: Annotated[int, Query(ge=-1, description="Look from here on.")] = -1
 ) -> Response:
     """`number` is null where every picture that can be read is marked."""
-    states = await asyncio.to_thread(desk.table.states)
-    return json_answer({"number": _unmarked(desk, states, after)})
+    states = await asyncio.to_thread(state.table.states)
+    return json_answer({"number": _unmarked(state, states, after)})
 
 
-def _unmarked(desk: Desk, states: Any, after: int) -> int | None:
+def _unmarked(state: LabelState, states: Any, after: int) -> int | None:
     """The first unmarked picture after number `after`, going round; None where all are marked."""
-    count = len(desk.pictures)
+    count = len(state.pictures)
     for step in range(1, count + 1):
         number = (after + step) % count
-        if desk.pictures.names[number] not in states and number not in desk.pictures.unreadable:
+        if state.pictures.names[number] not in states and number not in state.pictures.unreadable:
             return number
     return None
 
 
 @router.get(
     "/v1/pictures/{number}",
-    responses=schemas.errors(*_ALWAYS, 404, 422, 429, 503),
+    responses=errors(*_ALWAYS, 404, 422, 429, 503),
     summary="One picture's size, its marks and the network's guess",
 )
-async def picture(desk: SharedDesk, number: Number) -> Response:
+async def picture(state: State, number: Number) -> Response:
     """A picture that cannot be read has no width, and `problem` says why."""
-    name = _name(desk, number)
+    name = _name(state, number)
     try:
-        seen: Prepared | None = await desk.work.run(lambda: desk.pictures.prepare(number))
+        seen: Prepared | None = await state.work.run(lambda: state.pictures.prepare(number))
         problem = None if seen is None else seen.problem
     except UserError as error:
         seen, problem = None, str(error)
-    marks, revision = await asyncio.to_thread(desk.table.get, name)
+    marks, revision = await asyncio.to_thread(state.table.get, name)
     guess = None if seen is None or seen.guess is None else seen.guess
-    version = desk.pictures.version(number)
+    version = state.pictures.version(number)
     return json_answer(
         {
             "number": number,
@@ -135,43 +135,43 @@ async def picture(desk: SharedDesk, number: Number) -> Response:
     "/v1/pictures/{number}/image.jpg",
     response_class=Response,
     responses={
-        **schemas.errors(400, *_ALWAYS, 404, 422, 429, 503),
+        **errors(400, *_ALWAYS, 404, 422, 429, 503),
         200: {"content": {"image/jpeg": {}}, "description": "A copy, upright, of moderate size."},
     },
 )
 async def image(
-    desk: SharedDesk,
+    state: State,
     number: Number,
     version: Annotated[str, Query(max_length=80, description="Lets browsers keep it.")] = "",
 ) -> Response:
-    _name(desk, number)
-    seen = await desk.work.run(lambda: desk.pictures.prepare(number))
-    headers = _KEEP if version == desk.pictures.version(number) else {}
+    _name(state, number)
+    seen = await state.work.run(lambda: state.pictures.prepare(number))
+    headers = _KEEP if version == state.pictures.version(number) else {}
     return Response(seen.jpeg, media_type="image/jpeg", headers=headers)
 
 
 @router.put(
     "/v1/pictures/{number}",
-    responses=schemas.errors(400, *_ALWAYS, 404, 408, 409, 413, 422, 429, 503),
+    responses=errors(400, *_ALWAYS, 404, 408, 409, 413, 422, 429, 503),
     summary="Save one picture's marks",
 )
-async def save(request: Request, desk: SharedDesk, number: Number, change: ChangeBody) -> Response:
+async def save(request: Request, state: State, number: Number, change: ChangeBody) -> Response:
     """Answers once the table is written. 409 where somebody else has marked the picture since
     `revision`: nothing is then changed."""
-    name = _name(desk, number)
-    seen = await desk.work.run(lambda: desk.pictures.prepare(number))
+    name = _name(state, number)
+    seen = await state.work.run(lambda: state.pictures.prepare(number))
     marks = None if change.marks is None else _marks(change.marks, seen.width)
-    place = desk.pictures.place(number)
+    place = state.pictures.place(number)
     try:
-        revision = await asyncio.to_thread(desk.table.put, name, marks, change.revision, place)
+        revision = await asyncio.to_thread(state.table.put, name, marks, change.revision, place)
     except MarkedMeanwhile as error:
         raise ApiError(
             409, "marked_meanwhile", "somebody else has marked this picture meanwhile"
         ) from error
     except UserError as error:
         raise ApiError(503, "not_written", str(error), {"Retry-After": "5"}) from error
-    states = await asyncio.to_thread(desk.table.states)
-    marked = sum(name in states for name in desk.pictures.names)
+    states = await asyncio.to_thread(state.table.states)
+    marked = sum(name in states for name in state.pictures.names)
     return json_answer({"revision": revision, "marked": marked})
 
 
@@ -190,9 +190,9 @@ def _marks(body: MarksBody, width: int) -> Marks:
         raise ApiError(422, "invalid_field", f"marks: {error}") from error
 
 
-def _name(desk: Desk, number: int) -> str:
-    if number >= len(desk.pictures):
+def _name(state: LabelState, number: int) -> str:
+    if number >= len(state.pictures):
         raise ApiError(
-            404, "no_picture", f"pictures are numbered from 0 to {len(desk.pictures) - 1}"
+            404, "no_picture", f"pictures are numbered from 0 to {len(state.pictures) - 1}"
         )
-    return desk.pictures.names[number]
+    return state.pictures.names[number]

@@ -11,9 +11,9 @@ from starlette.datastructures import UploadFile
 from starlette.formparsers import MultiPartException, MultiPartParser
 from starlette.requests import ClientDisconnect
 
-from doorway3ds.web.base.errors import ApiError
+from doorway3ds.web.base.errors import ApiError, invalid
+from doorway3ds.web.base.work import ClientGone
 from doorway3ds.web.serve.choice import DecideFields
-from doorway3ds.web.serve.work import ClientGone
 
 _MAX_FIELDS = 20
 _MAX_FIELD_BYTES = 4096
@@ -66,14 +66,6 @@ def _parse(given: dict[str, Any]) -> DecideFields:
         return DecideFields.model_validate(given)
     except ValidationError as error:
         raise invalid(error.errors()) from error
-
-
-def invalid(errors: Any) -> ApiError:
-    """422 with the first of pydantic's errors in one line."""
-    first = errors[0]
-    where = ".".join(str(part) for part in first["loc"] if part not in ("query", "body"))
-    message = str(first["msg"]).removeprefix("Value error, ")
-    return ApiError(422, "invalid_field", f"{where}: {message}" if where else message)
 
 
 async def _read_multipart(request: Request) -> tuple[bytes, str | None, dict[str, Any]]:

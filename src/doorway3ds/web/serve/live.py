@@ -11,13 +11,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.draw import annotate, overlay
 from doorway3ds.errors import UserError
+from doorway3ds.images.codec import encode_jpeg
 from doorway3ds.live.feed import Feed
 from doorway3ds.live.tracker import Tracked, Tracker
 from doorway3ds.sources.base import Source, SourceLost
@@ -91,16 +91,6 @@ class Snapshot:
             if key not in self._made:
                 self._made[key] = make()
             return self._made[key]
-
-
-def encode_jpeg(image: NDArray[np.uint8], quality: int = 88) -> bytes:
-    """(H, W, 3) uint8 RGB as a JPEG file."""
-    done, data = cv2.imencode(
-        ".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, quality]
-    )
-    if not done:
-        raise UserError(f"an image of shape {image.shape} cannot be written as a JPEG")
-    return data.tobytes()
 
 
 class Live:
@@ -242,11 +232,7 @@ class Live:
 
     def _decide(self, seen: _Seen) -> Snapshot:
         decision = seen.setup.pipeline.conclude(seen.frame, seen.perception)
-        self._metrics.count(
-            "doorway3ds_decisions_total", origin="source", reason=str(decision.reason)
-        )
-        for stage, spent in decision.timings_ms.items():
-            self._metrics.observe("doorway3ds_stage_seconds", spent / 1e3, stage=stage)
+        self._metrics.decided("source", str(decision.reason), decision.timings_ms)
         tracked = seen.setup.tracker.update(decision)
         return Snapshot(self._count + 1, decision, tracked, self._rate)
 

@@ -17,19 +17,20 @@ from doorway3ds import __version__
 from doorway3ds.camera.presets import PRESETS
 from doorway3ds.decide.pipeline import NEEDS
 from doorway3ds.draw import annotate
-from doorway3ds.images.codec import read_image
+from doorway3ds.images.codec import encode_jpeg, read_image
 from doorway3ds.types import Decision, Frame
 from doorway3ds.web.base.errors import ApiError, busy
-from doorway3ds.web.base.front import json_answer
+from doorway3ds.web.base.routes import json_answer
+from doorway3ds.web.base.schemas import errors
 from doorway3ds.web.serve import schemas
 from doorway3ds.web.serve.body import Upload, read_upload
 from doorway3ds.web.serve.choice import DecideFields, SourceFields, viewpoint
-from doorway3ds.web.serve.hall import Hall, hall_of
-from doorway3ds.web.serve.live import Live, Snapshot, encode_jpeg
+from doorway3ds.web.serve.live import Live, Snapshot
+from doorway3ds.web.serve.state import ServeState, serve_state
 from doorway3ds.web.serve.view import view_of
 
 router = APIRouter()
-SharedHall = Annotated[Hall, Depends(hall_of)]
+State = Annotated[ServeState, Depends(serve_state)]
 _ALWAYS = (401, 403)
 _BEAT_S = 10.0  # between signs of life on a stream without news
 
@@ -37,16 +38,16 @@ _BEAT_S = 10.0  # between signs of life on a stream without news
 @router.post(
     "/v1/decide",
     response_model=schemas.DecisionAnswer,
-    responses=schemas.errors(400, *_ALWAYS, 408, 413, 415, 422, 429, 500, 503),
+    responses=errors(400, *_ALWAYS, 408, 413, 415, 422, 429, 500, 503),
     openapi_extra=schemas.upload_body(),
     summary="Decide on one picture",
 )
 async def decide(
-    request: Request, hall: SharedHall, fields: Annotated[DecideFields, Query()]
+    request: Request, state: State, fields: Annotated[DecideFields, Query()]
 ) -> Response:
     """Send the picture's bytes with the fields in the query, or multipart/form-data with the part
     `image` and the fields as parts (a part outranks the query). The picture is not kept."""
-    upload, decision = await _decide(request, hall, fields)
+    upload, decision = await _decide(request, state, fields)
     answer = {"image": upload.name, **decision.to_dict()}
     if upload.fields.view:
         answer["view"] = await asyncio.to_thread(view_of, decision)
@@ -57,38 +58,38 @@ async def decide(
     "/v1/annotate",
     response_class=Response,
     responses={
-        **schemas.errors(400, *_ALWAYS, 408, 413, 415, 422, 429, 500, 503),
+        **errors(400, *_ALWAYS, 408, 413, 415, 422, 429, 500, 503),
         200: {"content": {"image/jpeg": {}}, "description": "The annotated picture."},
     },
     openapi_extra=schemas.upload_body(),
     summary="Draw the decision on one picture",
 )
 async def draw(
-    request: Request, hall: SharedHall, fields: Annotated[DecideFields, Query()]
+    request: Request, state: State, fields: Annotated[DecideFields, Query()]
 ) -> Response:
     """Takes what /v1/decide takes; gives the annotated page as a JPEG."""
-    _, decision = await _decide(request, hall, fields)
-    picture = await hall.work.run(lambda: encode_jpeg(annotate(decision)), _hang_up(request))
+    _, decision = await _decide(request, state, fields)
+    picture = await state.work.run(lambda: encode_jpeg(annotate(decision)), _hang_up(request))
     return Response(picture, media_type="image/jpeg")
 
 
-async def _decide(request: Request, hall: Hall, fields: DecideFields) -> tuple[Upload, Decision]:
-    with _counted(hall, "uploads"):
+async def _decide(
+    request: Request, state: ServeState, fields: DecideFields
+) -> tuple[Upload, Decision]:
+    with _counted(state, "uploads"):
         upload = await read_upload(request, fields)
-    decision = await hall.work.run(lambda: _look(upload, hall), _hang_up(request))
-    hall.metrics.count("doorway3ds_decisions_total", origin="request", reason=str(decision.reason))
-    for stage, spent in decision.timings_ms.items():
-        hall.metrics.observe("doorway3ds_stage_seconds", spent / 1e3, stage=stage)
+    decision = await state.work.run(lambda: _look(upload, state), _hang_up(request))
+    state.metrics.decided("request", str(decision.reason), decision.timings_ms)
     return upload, decision
 
 
-def _look(upload: Upload, hall: Hall) -> Decision:
-    pipeline = hall.pipelines.get(upload.fields)
+def _look(upload: Upload, state: ServeState) -> Decision:
+    pipeline = state.pipelines.get(upload.fields)
     start = time.perf_counter()
-    picture = read_image(upload.data, name="the image", max_pixels=hall.settings.limits.max_pixels)
+    picture = read_image(upload.data, name="the image", max_pixels=state.settings.limits.max_pixels)
     decoded = (time.perf_counter() - start) * 1e3
     height, width = picture.image.shape[:2]
-    place = viewpoint(upload.fields, hall.settings)
+    place = viewpoint(upload.fields, state.settings)
     camera = place.fit(width, height, picture.focal_35mm)
     decision = pipeline.decide(Frame(picture.image, camera, place.pose))
     return replace(decision, timings_ms={"decode": decoded, **decision.timings_ms})
@@ -103,28 +104,28 @@ def _hang_up(request: Request) -> Any:
 
 
 @contextmanager
-def _counted(hall: Hall, what: Literal["uploads", "streams"]) -> Iterator[None]:
+def _counted(state: ServeState, what: Literal["uploads", "streams"]) -> Iterator[None]:
     """Holds one of the places for `what`; 429 where there is none."""
-    if getattr(hall, what) >= getattr(hall.settings.limits, what):
+    if getattr(state, what) >= getattr(state.settings.limits, what):
         raise busy(what, 1 if what == "uploads" else 10)
-    setattr(hall, what, getattr(hall, what) + 1)
+    setattr(state, what, getattr(state, what) + 1)
     try:
         yield
     finally:
-        setattr(hall, what, getattr(hall, what) - 1)
+        setattr(state, what, getattr(state, what) - 1)
 
 
-def _live(hall: Hall) -> Live:
-    if hall.live is None:
+def _live(state: ServeState) -> Live:
+    if state.live is None:
         raise ApiError(404, "no_source", "this server has no source; start it as: 3ds serve SOURCE")
-    return hall.live
+    return state.live
 
 
 @router.get(
     "/v1/stream",
     response_class=StreamingResponse,
     responses={
-        **schemas.errors(*_ALWAYS, 404, 422, 429),
+        **errors(*_ALWAYS, 404, 422, 429),
         200: {
             "content": {"text/event-stream": {"schema": {"type": "string"}}},
             "description": "Events `decision` (data: the decision's JSON) and `source` (data: the "
@@ -134,20 +135,20 @@ def _live(hall: Hall) -> Live:
     summary="Follow the server's source",
 )
 async def stream(
-    hall: SharedHall,
+    state: State,
     view: Annotated[bool, Query(description="Add `view`, as in /v1/decide.")] = False,
     max_hz: Annotated[float, Query(gt=0, le=60, description="Decisions a second at most.")] = 30,
 ) -> Response:
     """Server-sent events. A client that reads slowly misses decisions; none comes late."""
-    live = _live(hall)
-    if hall.streams >= hall.settings.limits.streams:
+    live = _live(state)
+    if state.streams >= state.settings.limits.streams:
         raise busy("streams", 10)
 
     async def events() -> AsyncIterator[bytes]:
         seen: tuple[int, str] = (-1, "")
-        with _counted(hall, "streams"):
+        with _counted(state, "streams"):
             yield b"retry: 2000\n\n"
-            while not hall.closing.is_set():
+            while not state.closing.is_set():
                 now = (live.frames, live.state)
                 if now[1] != seen[1]:
                     yield _event("source", _source(live))
@@ -156,7 +157,7 @@ async def stream(
                     now = (newest.number, now[1])
                     data = await asyncio.to_thread(newest.to_dict, view)
                     yield _event("decision", data, newest.number)
-                    await _rest(hall, 1 / max_hz)
+                    await _rest(state, 1 / max_hz)
                 seen = now
                 if not await live.change(seen, _BEAT_S):
                     yield b": still here\n\n"
@@ -165,9 +166,9 @@ async def stream(
     return StreamingResponse(events(), media_type="text/event-stream", headers=headers)
 
 
-async def _rest(hall: Hall, seconds: float) -> None:
+async def _rest(state: ServeState, seconds: float) -> None:
     try:
-        await asyncio.wait_for(hall.closing.wait(), seconds)
+        await asyncio.wait_for(state.closing.wait(), seconds)
     except TimeoutError:
         return
 
@@ -193,14 +194,14 @@ def _snapshot(live: Live, frame: int | None) -> Snapshot:
     "/v1/frame.jpg",
     response_class=Response,
     responses={
-        **schemas.errors(*_ALWAYS, 404, 422, 429, 503),
+        **errors(*_ALWAYS, 404, 422, 429, 503),
         200: {"content": {"image/jpeg": {}}, "description": "X-Frame is the frame's number."},
     },
     summary="The source's newest picture",
 )
 async def frame_jpg(
     request: Request,
-    hall: SharedHall,
+    state: State,
     style: Annotated[
         Literal["overlay", "plain", "page"],
         Query(description="With its marks, as it came, or the whole annotated page."),
@@ -209,33 +210,33 @@ async def frame_jpg(
         int | None, Query(ge=0, description="The frame of an event, while it is kept.")
     ] = None,
 ) -> Response:
-    snapshot = _snapshot(_live(hall), frame)
-    data = await hall.work.run(lambda: snapshot.jpeg(style), _hang_up(request))
+    snapshot = _snapshot(_live(state), frame)
+    data = await state.work.run(lambda: snapshot.jpeg(style), _hang_up(request))
     return Response(data, media_type="image/jpeg", headers={"X-Frame": str(snapshot.number)})
 
 
 @router.get(
     "/v1/decision",
     response_model=schemas.DecisionAnswer,
-    responses=schemas.errors(*_ALWAYS, 404, 503),
+    responses=errors(*_ALWAYS, 404, 503),
     summary="The source's newest decision",
 )
-async def newest_decision(hall: SharedHall) -> Response:
+async def newest_decision(state: State) -> Response:
     """For programs that ask when they need to know; those that follow use /v1/stream."""
-    live = _live(hall)
+    live = _live(state)
     return json_answer({"image": live.name, **_snapshot(live, None).to_dict()})
 
 
 @router.put(
     "/v1/source",
     response_model=schemas.SourceAnswer,
-    responses=schemas.errors(400, *_ALWAYS, 404, 408, 413, 422),
+    responses=errors(400, *_ALWAYS, 404, 408, 413, 422),
     summary="Decide on the source by other settings",
 )
-async def change_source(hall: SharedHall, fields: Annotated[SourceFields, Body()]) -> Response:
+async def change_source(state: State, fields: Annotated[SourceFields, Body()]) -> Response:
     """All settings at once; those left out are the server's own. Everybody who follows the source
     sees the change."""
-    live = _live(hall)
+    live = _live(state)
     await asyncio.to_thread(live.use, fields)
     return json_answer(_source(live))
 
@@ -254,11 +255,11 @@ def _source(live: Live) -> dict[str, Any]:
 @router.get(
     "/v1/info",
     response_model=schemas.InfoAnswer,
-    responses=schemas.errors(*_ALWAYS),
+    responses=errors(*_ALWAYS),
     summary="What this server can do",
 )
-async def info(hall: SharedHall) -> Response:
-    settings, limits = hall.settings, hall.settings.limits
+async def info(state: State) -> Response:
+    settings, limits = state.settings, state.settings.limits
     return json_answer(
         {
             "version": __version__,
@@ -266,8 +267,8 @@ async def info(hall: SharedHall) -> Response:
             "network": settings.network,
             "methods": list(NEEDS),
             "networks": [
-                {"name": name, "methods": hall.pipelines.methods(name)}
-                for name in hall.pipelines.networks
+                {"name": name, "methods": state.pipelines.methods(name)}
+                for name in state.pipelines.networks
             ],
             "cameras": [
                 {"name": name, "hfov_deg": camera.hfov_deg, "vfov_deg": camera.vfov_deg}
@@ -279,7 +280,7 @@ async def info(hall: SharedHall) -> Response:
                 "max_pixels": limits.max_pixels,
                 "in_flight": limits.in_flight,
             },
-            "source": _source(hall.live) if hall.live else None,
+            "source": _source(state.live) if state.live else None,
             "link": settings.link,
         }
     )

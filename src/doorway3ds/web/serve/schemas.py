@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from doorway3ds.web.base.schemas import SourceState
 from doorway3ds.web.serve.choice import DecideFields
 
 EXAMPLE: dict[str, Any] = {
@@ -90,30 +91,6 @@ class DecisionAnswer(BaseModel):
     )
 
 
-class ErrorDetail(BaseModel):
-    status: int
-    code: str = Field(description="For programs.")
-    message: str = Field(description="One line for people.")
-
-
-class ErrorAnswer(BaseModel):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "error": {
-                        "status": 429,
-                        "code": "busy",
-                        "message": "too many decisions at once; try again in 1 s",
-                    }
-                }
-            ]
-        }
-    )
-
-    error: ErrorDetail
-
-
 class NetworkAnswer(BaseModel):
     name: str
     methods: list[str]
@@ -127,20 +104,11 @@ class PresetAnswer(BaseModel):
 
 class SourceAnswer(BaseModel):
     name: str
-    state: Literal["starting", "running", "waiting", "ended", "lost", "stopped"]
+    state: SourceState
     problem: str | None
     frames: int
     skipped: int
     fields: dict[str, Any] = Field(description="Its settings, where they are not the server's.")
-
-
-class HealthAnswer(BaseModel):
-    status: Literal["ok", "degraded"] = Field(
-        description="degraded: the server answers, its source gives no pictures."
-    )
-    version: str
-    in_flight: int
-    source: Literal["starting", "running", "waiting", "ended", "lost", "stopped"] | None
 
 
 class InfoAnswer(BaseModel):
@@ -154,38 +122,6 @@ class InfoAnswer(BaseModel):
     limits: dict[str, float]
     source: SourceAnswer | None
     link: str | None = Field(description="Where other devices reach the page, if they can.")
-
-
-_ERRORS = {
-    400: "No image, or one that cannot be read.",
-    401: "The token is missing or another.",
-    403: "Asked under another name, or from a page of another site.",
-    404: "There is nothing here.",
-    405: "Another method is expected here.",
-    408: "The body came too slowly.",
-    409: "Somebody else was first; nothing is changed.",
-    413: "The body is too large.",
-    415: "Neither an image nor multipart/form-data.",
-    422: "A field is wrong.",
-    429: "Too much at once; `Retry-After` says when to come back.",
-    500: "A bug; the server's log says more.",
-    503: "No answer in time.",
-}
-
-
-def errors(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """`responses` of a route for these statuses, each one JSON object."""
-    answers: dict[int | str, dict[str, Any]] = {
-        status: {"model": ErrorAnswer, "description": _ERRORS[status]} for status in statuses
-    }
-    for status in {429, 503} & set(statuses):
-        answers[status]["headers"] = {
-            "Retry-After": {
-                "description": "Seconds.",
-                "schema": {"type": "integer", "minimum": 1},
-            }
-        }
-    return answers
 
 
 def upload_body() -> dict[str, Any]:

@@ -1,68 +1,27 @@
-"""What a server is told when it starts."""
+"""What `3ds serve` is told when it starts."""
 
 from __future__ import annotations
 
-import ipaddress
 from dataclasses import dataclass, field
 
 from doorway3ds.camera.model import Pose
 from doorway3ds.sources.base import CameraFor
-
-LOOPBACK_NAMES = ("localhost", "127.0.0.1", "::1")
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What one server accepts at most; beyond it answers with an error, never with a queue.
-
-    max_bytes: of a request's body. max_pixels: of a picture, by its header, before decoding.
-    in_flight: decisions that run or wait to run. uploads: requests whose body is being read.
-    streams: clients of /v1/stream. connections: open sockets.
-    head_s, body_s, decision_s, send_s: seconds for a request's head to arrive, for its body, for
-        a decision with its wait, and for a client to take what it is sent.
-    """
-
-    max_bytes: int = 32 * 1024 * 1024
-    max_pixels: int = 50_000_000
-    in_flight: int = 16
-    uploads: int = 32
-    streams: int = 32
-    connections: int = 512
-    head_s: float = 10.0
-    body_s: float = 30.0
-    decision_s: float = 15.0
-    send_s: float = 20.0
+from doorway3ds.web.base.settings import ServerSettings
 
 
-@dataclass(frozen=True)
-class Settings:
-    """How a server answers.
+@dataclass(frozen=True, kw_only=True)
+class Settings(ServerSettings):
+    """How decisions are made.
 
-    token: what every request but /healthz must carry, or None on a loopback address.
-    method, network: used where a request names none. threads: of one network, None for its own
-        choice. workers: decisions that run at once.
+    method, network: used if a request names none. threads: of one network, None for its own
+        choice.
     camera, pose: of pictures that come without; None: from EXIF, else assumed.
-    link: where others reach the page, with the token, or None.
     """
 
-    token: str | None = None
     method: str = "opening"
     network: str = "doornet"
     threads: int | None = None
-    workers: int = 2
     camera: CameraFor | None = None
     pose: Pose = field(default_factory=Pose)
     width_m: float | None = None
     max_unseen_m: float | None = None
-    link: str | None = None
-    limits: Limits = field(default_factory=Limits)
-
-
-def is_loopback(host: str) -> bool:
-    """Whether only this machine reaches `host`."""
-    if host in LOOPBACK_NAMES:
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False

@@ -22,8 +22,8 @@ class Asset:
     etag: str
 
 
-class Pages:
-    """The files of `server/static` by name; `get` gives None for any other name."""
+class Assets:
+    """The files of `web/static` by name; `get` gives None for any other name."""
 
     def __init__(self) -> None:
         self._assets = {}

@@ -8,14 +8,14 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Request, Response
 
 from doorway3ds import __version__
-from doorway3ds.web.base import metrics as counting
+from doorway3ds.web.base import schemas
+from doorway3ds.web.base.access import COOKIE, carries_token, same
 from doorway3ds.web.base.errors import ApiError
-from doorway3ds.web.base.shield import COOKIE, carries_token, same
-from doorway3ds.web.serve import schemas
-from doorway3ds.web.serve.hall import Entrance, entrance_of
+from doorway3ds.web.base.metrics import CONTENT_TYPE
+from doorway3ds.web.base.state import ServerState, server_state
 
 router = APIRouter()
-SharedEntrance = Annotated[Entrance, Depends(entrance_of)]
+State = Annotated[ServerState, Depends(server_state)]
 
 
 def json_answer(value: Any, status: int = 200) -> Response:
@@ -24,26 +24,26 @@ def json_answer(value: Any, status: int = 200) -> Response:
 
 
 @router.get("/v1/link.svg", response_class=Response, include_in_schema=False)
-async def link_svg(entrance: SharedEntrance) -> Response:
+async def link_svg(state: State) -> Response:
     """The link for other devices as a QR code."""
     from doorway3ds.web.base.links import qr_svg
 
-    if entrance.settings.link is None:
+    if state.access.link is None:
         raise ApiError(404, "no_link", "only this machine reaches this server")
-    return Response(qr_svg(entrance.settings.link), media_type="image/svg+xml")
+    return Response(qr_svg(state.access.link), media_type="image/svg+xml")
 
 
 @router.get("/healthz", response_model=schemas.HealthAnswer, responses=schemas.errors(403))
-async def healthz(entrance: SharedEntrance) -> Response:
+async def healthz(state: State) -> Response:
     """Needs no token."""
-    state = entrance.state
-    well = state in (None, "starting", "running", "ended")
+    source = state.source_state
+    well = source in (None, "starting", "running", "ended")
     return json_answer(
         {
             "status": "ok" if well else "degraded",
             "version": __version__,
-            "in_flight": entrance.work.in_flight,
-            "source": state,
+            "in_flight": state.work.in_flight,
+            "source": source,
         }
     )
 
@@ -56,15 +56,15 @@ async def healthz(entrance: SharedEntrance) -> Response:
         200: {"content": {"text/plain": {"schema": {"type": "string"}}}},
     },
 )
-async def metrics(entrance: SharedEntrance) -> Response:
+async def metrics(state: State) -> Response:
     """Prometheus' text format."""
-    return Response(entrance.metrics.text(), headers={"Content-Type": counting.CONTENT_TYPE})
+    return Response(state.metrics.text(), headers={"Content-Type": CONTENT_TYPE})
 
 
 @router.get("/", include_in_schema=False)
-async def page(request: Request, entrance: SharedEntrance, token: str | None = None) -> Response:
+async def page(request: Request, state: State, token: str | None = None) -> Response:
     """The page, or the form that asks for the token; the link's token becomes a cookie."""
-    expected = entrance.settings.token
+    expected = state.access.token
     if token is not None and expected is not None and same(token, expected):
         answer = Response(status_code=303, headers={"Location": "/"})
         answer.set_cookie(
@@ -76,23 +76,23 @@ async def page(request: Request, entrance: SharedEntrance, token: str | None = N
         )
         return answer
     if carries_token(dict(request.headers), expected):
-        return _asset(request, entrance, entrance.home)
-    login = entrance.pages["login.html"]
+        return _asset(request, state, state.home)
+    login = state.assets["login.html"]
     return Response(login.data, 401, media_type=login.kind)
 
 
 @router.get("/static/{name}", include_in_schema=False)
-async def static(request: Request, entrance: SharedEntrance, name: str) -> Response:
-    return _asset(request, entrance, name)
+async def static(request: Request, state: State, name: str) -> Response:
+    return _asset(request, state, name)
 
 
 @router.get("/favicon.ico", include_in_schema=False)
-async def favicon(request: Request, entrance: SharedEntrance) -> Response:
-    return _asset(request, entrance, "favicon.svg")
+async def favicon(request: Request, state: State) -> Response:
+    return _asset(request, state, "favicon.svg")
 
 
-def _asset(request: Request, entrance: Entrance, name: str) -> Response:
-    asset = entrance.pages.get(name)
+def _asset(request: Request, state: ServerState, name: str) -> Response:
+    asset = state.assets.get(name)
     if asset is None:
         raise ApiError(404, "not_found", "there is no such file")
     headers = {"ETag": asset.etag, "Cache-Control": "no-cache"}

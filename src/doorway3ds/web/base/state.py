@@ -1,0 +1,58 @@
+"""What the routes of one server share, whatever the server is for."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from typing import cast
+
+from fastapi import Request
+
+from doorway3ds.web.base.assets import Assets
+from doorway3ds.web.base.metrics import Metrics
+from doorway3ds.web.base.settings import ServerSettings
+from doorway3ds.web.base.work import Work
+
+
+class ServerState:
+    """What every server holds while it runs.
+
+    home: the file of `web/static` that `/` shows. gauges: further numbers for /metrics, name ->
+    (help, value). closing: set when the server is to end, so that streams do.
+    """
+
+    def __init__(
+        self,
+        settings: ServerSettings,
+        home: str,
+        gauges: Mapping[str, tuple[str, Callable[[], float]]] | None = None,
+    ) -> None:
+        limits = settings.limits
+        self.access = settings
+        self.home = home
+        self.work = Work(limits.in_flight, settings.workers, limits.decision_s)
+        self.assets = Assets()
+        self.closing = asyncio.Event()
+        at_hand = ("Decisions that run or wait.", lambda: self.work.in_flight)
+        self.metrics = Metrics({"doorway3ds_in_flight": at_hand, **(gauges or {})})
+
+    def begin(self) -> None:
+        """Starts what goes on by itself; called in the event loop."""
+
+    def end(self) -> None:
+        """Ends what would otherwise go on for ever, so that the server can stop."""
+        self.closing.set()
+
+    def close(self) -> None:
+        """Returns once nothing goes on any more."""
+        self.work.close()
+
+    @property
+    def source_state(self) -> str | None:
+        """What the server's source does; None if it has none."""
+        return None
+
+
+def server_state(request: Request) -> ServerState:
+    """What the server of a request shares between its routes."""
+    return cast(ServerState, request.app.state.server)
