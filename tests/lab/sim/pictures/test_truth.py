@@ -17,6 +17,7 @@ from doorway3ds.lab.sim.homes.clutter import carton, person
 from doorway3ds.lab.sim.homes.furnish import Mirror, Placed
 from doorway3ds.lab.sim.homes.furniture import Item, wardrobe
 from doorway3ds.lab.sim.homes.mesh import box
+from doorway3ds.lab.sim.homes.way import Way
 from doorway3ds.lab.sim.pictures.perceive import perceive
 from doorway3ds.types import Reason
 from tests.lab.sim.conftest import bare, camera, doorway, level, tilted, two_rooms
@@ -146,13 +147,14 @@ def block(size: tuple[float, float, float]) -> Item:
     ("thing", "aside", "clear"),
     [
         (block((0.3, 0.3, 0.3)), 0.0, False),
-        (block((0.3, 0.3, 0.3)), 0.27, False),  # 0.15 + 0.14 = 0.29 m
-        (block((0.3, 0.3, 0.3)), 0.32, True),
+        (block((0.3, 0.3, 0.3)), 0.13, False),  # covers 0.16 m of 0.28
+        (block((0.3, 0.3, 0.3)), 0.17, None),  # covers 0.12 m: grazing
+        (block((0.3, 0.3, 0.3)), 0.36, True),
         (block((0.3, 0.3, 0.03)), 0.0, True),  # lower than 4 cm
     ],
 )
 def test_the_way_is_free_by_the_footprint(
-    shoot: Shoot, thing: Item, aside: float, clear: bool
+    shoot: Shoot, thing: Item, aside: float, clear: bool | None
 ) -> None:
     placed = Placed(thing, 2.8, 2.5 + aside, 0.0, 0)
     home = two_rooms(doorway())
@@ -160,12 +162,21 @@ def test_the_way_is_free_by_the_footprint(
     assert shot.truth.openings[0].clear is clear
 
 
-@pytest.mark.parametrize(("x", "y", "clear"), [(1.0, 2.0, True), (3.4, 0.7, False)])
-def test_a_jamb_in_the_straight_way_blocks(shoot: Shoot, x: float, y: float, clear: bool) -> None:
+@pytest.mark.parametrize(("x", "y", "clear"), [(1.0, 2.0, True), (3.4, 0.7, None)])
+def test_a_jamb_beside_the_straight_way_grazes(
+    shoot: Shoot, x: float, y: float, clear: bool | None
+) -> None:
     heading = float(np.degrees(np.arctan2(2.5 - y, 4.0 - x)))
     shot = shoot(bare(two_rooms(doorway())), camera(), level(x, y, heading, pitch_deg=-8))
     # From (3.4, 0.7) the near jamb's corner (3.94, 2.05) lies 0.09 m beside the way.
     assert shot.truth.openings[0].clear is clear
+
+
+def test_somebody_in_the_next_room_does_not_block(shoot: Shoot) -> None:
+    somebody = Placed(person(np.random.default_rng(0)), 4.6, 2.5, 90.0, 1)
+    home = two_rooms(doorway(width=1.2))
+    shot = shoot(bare(home, standing=(somebody,)), camera(), level(0.8, 2.5, 0.0, pitch_deg=-5))
+    assert [(o.way, o.clear) for o in shot.truth.openings] == [(Way.FREE, True)]
 
 
 def test_a_leaf_in_the_room_beyond_hides_nothing(shoot: Shoot) -> None:

@@ -15,7 +15,7 @@ from doorway3ds.lab.sim.homes.mesh import Mesh
 from doorway3ds.lab.sim.homes.shell import frame_parts, leaf_of
 
 Float = NDArray[np.float64]
-CELL_M = 0.02
+CELL_M = 0.01
 LOW_M = 0.04
 
 
@@ -79,17 +79,17 @@ class Plan:
             self._draw(grid, (mesh for _, mesh in frame_parts(home, portal, "", "")))
         return grid
 
-    def free(self, start: Float, stop: Float, width: float, walls: bool = True) -> bool:
-        """Whether a straight strip of that width is free from start to stop.
+    @cached_property
+    def _taken(self) -> NDArray[np.uint8]:
+        return self.occupied | self.walls
 
-        walls: whether walls and frames count, or only what stands in the rooms.
-        """
-        mask = self._empty()
-        run = stop - start
-        side = np.array([-run[1], run[0]]) / max(float(np.hypot(*run)), 1e-9) * width / 2
-        self._fill(mask, np.stack([start + side, stop + side, stop - side, start - side]), 1)
-        taken = self.occupied | self.walls if walls else self.occupied
-        return not bool((mask & taken).any())
+    def taken_at(self, points: Float) -> NDArray[np.bool_]:
+        """Whether plan points (..., 2) lie on something that stands, a wall or a frame."""
+        cells = np.floor((points - self.origin) / CELL_M).astype(int)
+        taken = self._taken
+        rows = np.clip(cells[..., 1], 0, taken.shape[0] - 1)
+        columns = np.clip(cells[..., 0], 0, taken.shape[1] - 1)
+        return np.asarray(taken[rows, columns] > 0)
 
     def free_at(self, x: float, y: float, radius: float) -> bool:
         """Whether no thing stands around a place; walls are not asked."""

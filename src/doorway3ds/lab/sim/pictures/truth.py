@@ -12,6 +12,7 @@ from doorway3ds.lab.sim.homes.apartment import Portal
 from doorway3ds.lab.sim.homes.furnish import Furnished
 from doorway3ds.lab.sim.homes.plan import LOW_M, Plan
 from doorway3ds.lab.sim.homes.shell import Leaf, leaf_of
+from doorway3ds.lab.sim.homes.way import Way, way_to
 from doorway3ds.lab.sim.render.renderer import Eye
 
 Float = NDArray[np.float64]
@@ -19,6 +20,7 @@ FLOOR_M = 0.012  # rugs and thresholds are floor
 # Less than this is a glimpse that nobody would call a seen doorway.
 LEAST_WIDTH = 0.025  # of the picture's width
 LEAST_AREA = 0.004  # of the picture
+LEAST_OBSTACLE = 0.0005  # of the picture
 SEEN_ENOUGH = 0.25  # of what the picture shows of the opening, column by column
 
 
@@ -38,7 +40,8 @@ class OpeningTruth:
     bearing_deg, range_m: where the ray through the middle column meets the threshold, from the
         turning axis.
     jambs_deg: (left, right) bearings of the whole free opening from the lens.
-    clear: free path for the footprint; None where the picture does not show it.
+    way: what lies between the turning axis and the sill, by the plan.
+    clear: the same as far as the picture shows it; None for a grazing way too.
     seen: share of the opening within the picture that is not hidden.
     """
 
@@ -54,6 +57,7 @@ class OpeningTruth:
     cut: str | None
     seen: float
     area: float
+    way: Way
     clear: bool | None
     confidence: int
 
@@ -128,6 +132,13 @@ class _View:
         middle = pixel_to_ray(camera, np.stack([columns, row], -1)) @ rotation(eye.pose).T
         self.columns = columns[::-1]
         self.middle = np.degrees(np.arctan2(middle[:, 1], middle[:, 0]))[::-1]
+
+    def on_ground(self) -> Float:
+        """Plan points (H, W, 2) where the rays meet the floor's plane; nan above the horizon."""
+        down = self.rays[..., 2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            fall = np.where(down < 0, self.lens[2] / -down, np.nan)
+        return np.asarray(self.lens[:2] + fall[..., None] * self.rays[..., :2])
 
     def azimuth_of(self, plan: Float) -> float:
         """Bearing of a plan point (x, y) from the lens, about its robot's heading."""
@@ -225,7 +236,8 @@ def _opening(
     target = _on_wall(portal, view, middle)
     if target is None:
         return None
-    to = target - np.array([view.eye.x, view.eye.y])
+    start = np.array([view.eye.x, view.eye.y])
+    to = target - start
     bearing = np.degrees(np.arctan2(to[1], to[0])) - view.eye.heading_deg
     cuts = (cut_left and seen_left == edge_left, cut_right and seen_right == edge_right)
     cut = {(True, True): "both", (True, False): "left", (False, True): "right"}.get(cuts)
@@ -236,6 +248,7 @@ def _opening(
     # A wide passage, or one of which a single jamb is seen, is a matter of taste.
     if portal.state == "archway" and (portal.width > 1.6 or cut is not None):
         sure = min(sure, 2)
+    way = way_to(plan, start, target, portal, footprint.width_m)
     return OpeningTruth(
         index,
         portal.state,
@@ -249,7 +262,8 @@ def _opening(
         cut,
         share,
         area,
-        _clear(plan, view, target, footprint),
+        way,
+        _clear(way, view, target, portal, footprint),
         sure,
     )
 
@@ -265,20 +279,32 @@ def _on_wall(portal: Portal, view: _View, azimuth: float) -> Float | None:
     return np.asarray(view.lens[:2] + reach * direction) if reach > 0 else None
 
 
-def _clear(plan: Plan, view: _View, target: Float, footprint: Footprint) -> bool | None:
+def _clear(
+    way: Way, view: _View, target: Float, portal: Portal, footprint: Footprint
+) -> bool | None:
+    """What the picture shows of the way: True, False, or None where it cannot tell."""
+    if way is Way.GRAZING:
+        return None
     start = np.array([view.eye.x, view.eye.y])
     run = target - start
     length = float(np.hypot(*run))
     ahead = run / max(length, 1e-9)
-    off = view.points[..., :2] - start
-    forward = off @ ahead
-    aside = off @ np.array([-ahead[1], ahead[0]])
+    side = start[portal.axis] - portal.wall
+
+    def within(plan_points: Float) -> NDArray[np.bool_]:
+        off = plan_points - start
+        forward, aside = off @ ahead, off @ np.array([-ahead[1], ahead[0]])
+        before = (plan_points[..., portal.axis] - portal.wall) * side > 0
+        strip = (forward > 0) & (forward < length) & (np.abs(aside) < footprint.width_m / 2)
+        return np.asarray(strip & before)
+
     z = view.points[..., 2]
-    strip = (forward > 0) & (forward < length) & (np.abs(aside) < footprint.width_m / 2)
-    if plan.free(start, target, footprint.width_m):
+    strip = within(view.points[..., :2])
+    if way is Way.FREE:
         return True if (strip & (np.abs(z) < FLOOR_M)).any() else None
-    blocked = strip & (z > LOW_M) & (z < footprint.height_m)
-    return False if blocked.sum() >= 3 else None
+    high = strip & (z > LOW_M) & (z < footprint.height_m)
+    drop = within(view.on_ground()) & (z < -LOW_M)
+    return False if (high | drop).mean() >= LEAST_OBSTACLE else None
 
 
 def _states(furnished: Furnished, view: _View, room: int) -> tuple[str, ...]:
