@@ -188,8 +188,10 @@ def test_camera_info_needs_no_projection_matrix(tmp_path):
         ({"camera_matrix": {"data": [0] * 9}}, "positive"),
         ({"camera_matrix": {"data": [math.nan] * 9}}, "finite"),
         ({"camera_matrix": 5}, "number"),
-        ({"distortion_model": "equidistant"}, "plumb_bob"),
-        ({"distortion_coefficients": {"data": [0.1] * 8}}, "4 or 5"),
+        ({"distortion_model": "equidistant"}, "4 coefficients, got 5"),
+        ({"distortion_model": "spline"}, "one of plumb_bob, rational_polynomial, equidistant"),
+        ({"distortion_coefficients": {"data": [0.1] * 8}}, "5 coefficients, got 8"),
+        ({"distortion_coefficients": {"data": [0.1] * 2}}, "5 coefficients, got 2"),
     ],
 )
 def test_a_damaged_camera_file_is_one_clear_line(tmp_path, change, says):

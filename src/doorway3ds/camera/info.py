@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
+from doorway3ds.camera.lens import MODELS, WIDEST_DEG
 from doorway3ds.camera.model import Camera
 from doorway3ds.errors import UserError
+from doorway3ds.files import write_bytes
+
+MOST_UNTRUSTED = 0.25
+"""Share of the image in which the distortion may be a continuation, with a warning."""
+
+_BY_COUNT = {0: "plumb_bob", 5: "plumb_bob", 8: "rational_polynomial"}
+
+
+class LensWarning(UserWarning):
+    """Part of an image has bearings that its camera file does not know."""
 
 
 def read_camera_info(path: str | Path) -> Camera:
-    """Read a ROS `camera_info` YAML; rectification and projection matrices are not needed.
+    """Reads a ROS `camera_info` YAML; rectification and projection matrices are not needed.
 
-    Raises UserError where the file is missing, damaged or of another distortion model.
+    Warns (LensWarning) if the distortion cannot be undone in some of the image.
+
+    Raises UserError if the file is missing, damaged, of another distortion model, or of a lens that
+    cannot be undone in over a quarter of the image.
     """
     import yaml
 
@@ -27,9 +42,6 @@ def read_camera_info(path: str | Path) -> Camera:
         raise wrong("it is not YAML text") from error
     if not isinstance(info, dict):
         raise wrong("expected image_width, image_height, camera_matrix and more by name")
-    model = info.get("distortion_model", "plumb_bob")
-    if model != "plumb_bob":
-        raise wrong(f"distortion_model must be plumb_bob, got {model!r}")
     try:
         width, height = int(info["image_width"]), int(info["image_height"])
         matrix = [float(v) for v in info["camera_matrix"]["data"]]
@@ -40,20 +52,72 @@ def read_camera_info(path: str | Path) -> Camera:
         raise wrong(f"expected numbers ({error})") from error
     if len(matrix) != 9:
         raise wrong(f"camera_matrix has 9 numbers, got {len(matrix)}")
-    if len(coefficients) not in (0, 4, 5):
-        raise wrong(f"plumb_bob has 4 or 5 coefficients, got {len(coefficients)}")
-    k1, k2, p1, p2, k3 = (*coefficients, *[0.0] * (5 - len(coefficients)))
-    name = str(info.get("camera_name") or Path(path).stem)
     try:
-        return Camera(
-            name, width, height, matrix[0], matrix[4], matrix[2], matrix[5], (k1, k2, p1, p2, k3)
+        model, coefficients = distortion(info.get("distortion_model"), coefficients)
+        camera = Camera(
+            name=str(info.get("camera_name") or Path(path).stem),
+            width=width,
+            height=height,
+            fx=matrix[0],
+            fy=matrix[4],
+            cx=matrix[2],
+            cy=matrix[5],
+            distortion=tuple(coefficients),
+            distortion_model=model,
         )
     except ValueError as error:
         raise wrong(str(error)) from error
+    check_lens(camera, str(path))
+    return camera
+
+
+def distortion(model: str | None, coefficients: list[float]) -> tuple[str, list[float]]:
+    """The distortion model's name and its own number of coefficients, from what a file holds.
+
+    Raises ValueError for another model or number, or four coefficients of no named model: they are
+    those of plumb_bob and of equidistant, and mean different things.
+    """
+    count = len(coefficients)
+    if model is None or model == "":
+        if count == 4:
+            raise ValueError(
+                "distortion_model is missing, and four coefficients may be of plumb_bob or of "
+                "equidistant (fisheye); add the line that holds"
+            )
+        model = "rational_polynomial" if count > 8 else _BY_COUNT.get(count)
+    if model not in MODELS:
+        raise ValueError(
+            f"distortion_model must be one of {', '.join(MODELS)}, got {model!r} with {count} "
+            "coefficients"
+        )
+    wanted = MODELS[model]
+    # Drivers pad with zeros: OpenCV knows 12 and 14 coefficients, ROS's plumb_bob has 5.
+    if any(coefficients[wanted:]):
+        raise ValueError(f"{model} has {wanted} coefficients, got {count}")
+    if count < wanted and count not in ((0, 4) if model == "plumb_bob" else (0,)):
+        raise ValueError(f"{model} has {wanted} coefficients, got {count}")
+    return model, (coefficients + [0.0] * wanted)[:wanted]
+
+
+def check_lens(camera: Camera, name: str) -> None:
+    """Warns (LensWarning) or refuses if the distortion cannot be undone in some of the image."""
+    share = camera.untrusted
+    if share == 0:
+        return
+    if camera.distortion_model == "equidistant" and camera.lens.widest:
+        why = f"looks more than {WIDEST_DEG:g} deg away from its axis"
+        advice = "crop the images"
+    else:
+        why = f"has {camera.distortion_model} distortion that cannot be undone"
+        advice = "calibrate again with the board there, or with --model rational_polynomial|fisheye"
+    what = f"{name}: the lens {why} in {share:.1%} of the image, at the edges"
+    if share > MOST_UNTRUSTED:
+        raise UserError(f"{what}; {advice}")
+    warnings.warn(f"{what}: bearings are a guess there; {advice}", LensWarning, stacklevel=3)
 
 
 def write_camera_info(camera: Camera, path: str | Path) -> None:
-    """Write a ROS `camera_info` YAML that `read_camera_info` and ROS's camera drivers read."""
+    """Writes a ROS `camera_info` YAML that `read_camera_info` and ROS's camera drivers read."""
     import yaml
 
     def matrix(rows: int, data: list[float]) -> dict[str, Any]:
@@ -65,13 +129,10 @@ def write_camera_info(camera: Camera, path: str | Path) -> None:
         "image_height": camera.height,
         "camera_name": camera.name,
         "camera_matrix": matrix(3, [fx, 0, cx, 0, fy, cy, 0, 0, 1]),
-        "distortion_model": "plumb_bob",
+        "distortion_model": camera.distortion_model,
         "distortion_coefficients": matrix(1, list(camera.distortion)),
         "rectification_matrix": matrix(3, [1, 0, 0, 0, 1, 0, 0, 0, 1]),
         "projection_matrix": matrix(3, [fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0]),
     }
     text = yaml.safe_dump(info, sort_keys=False, default_flow_style=None)
-    try:
-        Path(path).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"cannot write the camera file {path}: {error.strerror}") from error
+    write_bytes(path, text.encode())

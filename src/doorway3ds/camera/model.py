@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from doorway3ds.camera.lens import MODELS, Lens
 from doorway3ds.errors import UserError
 
 Array = NDArray[np.float64]
@@ -21,9 +23,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Camera:
-    """Intrinsics of a pinhole camera with OpenCV plumb_bob distortion, for one picture size.
+    """Intrinsics and lens distortion of a camera, for one image size.
 
-    fx, fy, cx, cy: pixels. distortion: k1, k2, p1, p2, k3.
+    fx, fy, cx, cy: pixels. distortion: as many coefficients as `lens.MODELS` says of
+    `distortion_model`, in OpenCV's order; the last of plumb_bob may be left out.
     assumed: nobody gave this camera; it was guessed from EXIF or a default.
     """
 
@@ -34,19 +37,30 @@ class Camera:
     fy: float
     cx: float
     cy: float
-    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
     assumed: bool = False
+    distortion_model: str = "plumb_bob"
 
     def __post_init__(self) -> None:
         if self.width < 1 or self.height < 1:
             raise ValueError(
                 f"a camera's picture has at least 1x1 pixels, got {self.width}x{self.height}"
             )
-        values = (self.fx, self.fy, self.cx, self.cy, *self.distortion)
-        if len(self.distortion) != 5 or not all(math.isfinite(v) for v in values):
+        count = MODELS.get(self.distortion_model)
+        if count is None:
             raise ValueError(
-                "a camera has finite fx, fy, cx, cy and five distortion coefficients "
-                f"(k1, k2, p1, p2, k3), got {values}"
+                f"distortion_model must be one of {', '.join(MODELS)}, "
+                f"got {self.distortion_model!r}"
+            )
+        coefficients = tuple(float(v) for v in self.distortion)
+        if self.distortion_model == "plumb_bob" and len(coefficients) in (0, 4):
+            coefficients += (0.0,) * (count - len(coefficients))
+        object.__setattr__(self, "distortion", coefficients)
+        values = (self.fx, self.fy, self.cx, self.cy, *coefficients)
+        if len(coefficients) != count or not all(math.isfinite(v) for v in values):
+            raise ValueError(
+                f"a camera has finite fx, fy, cx, cy and {count} coefficients of "
+                f"{self.distortion_model}, got {values}"
             )
         if self.fx <= 0 or self.fy <= 0:
             raise ValueError(f"focal lengths are positive, got fx={self.fx}, fy={self.fy}")
@@ -113,9 +127,63 @@ class Camera:
         )
 
     def mirrored(self) -> Camera:
-        """The camera whose picture is this one's, flipped left to right."""
-        k1, k2, p1, p2, k3 = self.distortion
-        return replace(self, cx=self.width - 1 - self.cx, distortion=(k1, k2, p1, -p2, k3))
+        """The camera whose image is this one's, flipped left to right."""
+        return self._flipped(sideways=True)
+
+    def turned(self, orientation: int) -> Camera:
+        """The camera of the upright image, this one being that of the image as stored.
+
+        orientation: EXIF 1 to 8 (TIFF 6.0, tag 274); see `images.codec`.
+        """
+        camera = self._transposed() if orientation in (5, 6, 7, 8) else self
+        if orientation in (3, 4, 7, 8):
+            camera = camera._flipped(sideways=False)
+        return camera._flipped(sideways=True) if orientation in (2, 3, 6, 7) else camera
+
+    @cached_property
+    def lens(self) -> Lens:
+        """The distortion, up to the corners of this camera's image."""
+        x = max(self.cx + 0.5, self.width - 0.5 - self.cx) / self.fx
+        y = max(self.cy + 0.5, self.height - 0.5 - self.cy) / self.fy
+        return Lens(self.distortion_model, self.distortion, math.hypot(x, y))
+
+    @property
+    def untrusted(self) -> float:
+        """Share of the image, 0 to 1, where the distortion cannot be undone and is continued."""
+        if math.isinf(self.lens.trusted):
+            return 0.0
+        x = (np.linspace(0, self.width - 1, 129) - self.cx) / self.fx
+        y = (np.linspace(0, self.height - 1, 97) - self.cy) / self.fy
+        return float(np.mean(np.hypot(x, y[:, None]) > self.lens.trusted))
+
+    def _tangential(self, p1: float, p2: float) -> tuple[float, ...]:
+        """The coefficients with others for p1 and p2, which equidistant lenses have not."""
+        k1, k2, _, _, *others = self.distortion
+        return (k1, k2, p1, p2, *others)
+
+    def _flipped(self, sideways: bool) -> Camera:
+        changed: dict[str, Any] = (
+            {"cx": self.width - 1 - self.cx} if sideways else {"cy": self.height - 1 - self.cy}
+        )
+        if self.distortion_model != "equidistant":
+            p1, p2 = self.distortion[2:4]
+            changed["distortion"] = self._tangential(*((p1, -p2) if sideways else (-p1, p2)))
+        return replace(self, **changed)
+
+    def _transposed(self) -> Camera:
+        distortion = self.distortion
+        if self.distortion_model != "equidistant":
+            distortion = self._tangential(distortion[3], distortion[2])
+        return replace(
+            self,
+            width=self.height,
+            height=self.width,
+            fx=self.fy,
+            fy=self.fx,
+            cx=self.cy,
+            cy=self.cx,
+            distortion=distortion,
+        )
 
 
 @dataclass(frozen=True)
@@ -139,38 +207,12 @@ class Pose:
         return replace(self, yaw_deg=-self.yaw_deg, roll_deg=-self.roll_deg, left_m=-self.left_m)
 
 
-def _distort(
-    x: Array, y: Array, coefficients: tuple[float, ...]
-) -> tuple[Array, Array, Array, Array, Array]:
-    """plumb_bob: distorted x and y, and the derivatives dx/dx, dx/dy (= dy/dx), dy/dy."""
-    k1, k2, p1, p2, k3 = coefficients
-    r2 = x * x + y * y
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    slope = 2 * (k1 + r2 * (2 * k2 + 3 * k3 * r2))  # d radial / d r2, times 2
-    xd = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-    yd = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-    dxx = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x
-    dxy = slope * x * y + 2 * p1 * x + 2 * p2 * y
-    dyy = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
-    return xd, yd, dxx, dxy, dyy
-
-
 def pixel_to_ray(camera: Camera, xy: ArrayLike) -> Array:
     """Camera-frame rays with z = 1 through pixels `xy` (..., 2), as (..., 3)."""
     xy = np.asarray(xy, dtype=np.float64)
     xd = (xy[..., 0] - camera.cx) / camera.fx
     yd = (xy[..., 1] - camera.cy) / camera.fy
-    x, y = xd, yd
-    if any(camera.distortion):
-        for _ in range(20):  # Newton's method; 3 to 5 rounds for ordinary lenses
-            xe, ye, dxx, dxy, dyy = _distort(x, y, camera.distortion)
-            ex, ey = xe - xd, ye - yd
-            determinant = dxx * dyy - dxy * dxy
-            step_x = (dyy * ex - dxy * ey) / determinant
-            step_y = (dxx * ey - dxy * ex) / determinant
-            x, y = x - step_x, y - step_y
-            if max(np.abs(step_x).max(initial=0), np.abs(step_y).max(initial=0)) < 1e-12:
-                break
+    x, y = camera.lens.undistort(xd, yd)
     return np.stack([x, y, np.ones_like(x)], axis=-1)
 
 
@@ -179,7 +221,7 @@ def ray_to_pixel(camera: Camera, rays: ArrayLike) -> Array:
     rays = np.asarray(rays, dtype=np.float64)
     z = np.where(rays[..., 2] > 0, rays[..., 2], np.nan)
     x, y = rays[..., 0] / z, rays[..., 1] / z
-    x, y = _distort(x, y, camera.distortion)[:2]
+    x, y = camera.lens.distort(x, y)
     return np.stack([x * camera.fx + camera.cx, y * camera.fy + camera.cy], axis=-1)
 
 

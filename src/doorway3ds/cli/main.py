@@ -10,6 +10,7 @@ import contextlib
 import os
 import pkgutil
 import sys
+import warnings
 from collections.abc import Sequence
 from importlib import import_module
 
@@ -64,12 +65,18 @@ def main() -> None:
 
 def run(arguments: Sequence[str]) -> int:
     """Runs one command; returns its exit status."""
-    from doorway3ds.errors import CallError, UserError
-
     # A name that the terminal's encoding lacks must not cost the answer.
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
+    with warnings.catch_warnings():
+        warnings.showwarning = _warn
+        return _run(arguments)
+
+
+def _run(arguments: Sequence[str]) -> int:
+    from doorway3ds.errors import CallError, UserError
+
     try:
         _app(arguments)(args=list(arguments), prog_name="3ds")
     except SystemExit as end:
@@ -85,6 +92,10 @@ def run(arguments: Sequence[str]) -> int:
         hint = f"needs the extra '{extra}': pip install 'doorway3ds[{extra}]'"
         return _refuse(f"{' '.join(arguments[:1])} {hint} ({error.name} is missing)", 1)
     return 0
+
+
+def _warn(message: Warning | str, *where: object) -> None:
+    sys.stderr.write(f"3ds: {message}\n")
 
 
 def _refuse(message: str, status: int) -> int:

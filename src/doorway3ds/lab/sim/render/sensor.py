@@ -13,7 +13,7 @@ Rng = np.random.Generator
 
 def pinhole_for(camera: Camera, limit: tuple[int, int] = (1024, 768)) -> Camera:
     """An undistorted camera of the same focal length that sees all that `camera` sees."""
-    if not any(camera.distortion):
+    if camera.lens.plain:
         return camera
     w, h = camera.width, camera.height
     across, down = np.arange(-0.5, w, 1.0), np.arange(-0.5, h, 1.0)
