@@ -7,9 +7,8 @@ import pytest
 from doorway3ds.cli.main import run
 from doorway3ds.lab.datasets.samples import NYU_KINDS
 from doorway3ds.networks import registry
-
-from .conftest import HEADER, write_picture
-from .test_runners import Oracle
+from tests.lab.conftest import HEADER, write_picture
+from tests.lab.evaluate.test_runners import Oracle
 
 
 @pytest.fixture(autouse=True)

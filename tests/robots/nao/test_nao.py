@@ -229,10 +229,10 @@ def test_nobody_there_is_one_line() -> None:
 
 SERVER = """
 import sys, time
-from doorway3ds.sim.body import Body
-from doorway3ds.sim.nao import VirtualNao
+from doorway3ds.lab.sim.robot.body import Body
+from doorway3ds.lab.sim.robot.nao import VirtualNao
 from tests.robots.conftest import picture
-from doorway3ds.sim.body import Gait
+from doorway3ds.lab.sim.robot.body import Gait
 nao = VirtualNao(Body(gait=Gait(speed_deg_s=15.0)), picture)
 print(nao.listen("tcp://127.0.0.1:0"), flush=True)
 time.sleep(60)

@@ -29,8 +29,7 @@ from doorway3ds.lab.evaluate.paper.reproduce import (
     verdict,
 )
 from doorway3ds.types import Perception
-
-from .conftest import write_picture
+from tests.lab.conftest import write_picture
 
 ROWS = [recompute(row) for row in printed.ROWS]
 

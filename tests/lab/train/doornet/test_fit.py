@@ -34,8 +34,8 @@ _MEMBER = """
 import sys
 import numpy as np
 from pathlib import Path
-from doorway3ds.train import engine
-from doorway3ds.train.samples import read_rendered
+from doorway3ds.lab.train.engine import backend as engine
+from doorway3ds.lab.train.doornet.data.samples import read_rendered
 from tests.train.test_fit import CONFIG, build, run
 engine.start(1)
 team = engine.join()

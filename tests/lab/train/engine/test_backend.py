@@ -17,7 +17,7 @@ import os, sys, time
 from pathlib import Path
 import torch
 import torch.distributed as dist
-from doorway3ds.train import engine
+from doorway3ds.lab.train.engine import backend as engine
 
 out, case = Path(sys.argv[1]), sys.argv[2]
 team = engine.join()

@@ -20,7 +20,7 @@ _HANGS = """
 import sys, time
 import numpy as np
 from pathlib import Path
-from doorway3ds.train import checkpoint
+from doorway3ds.lab.train.engine import checkpoint
 
 class Slow:
     def __array__(self, dtype=None, copy=None):

@@ -26,7 +26,7 @@ _MEMBER = """
 import sys
 import numpy as np
 from pathlib import Path
-from doorway3ds.train import engine
+from doorway3ds.lab.train.engine import backend as engine
 from tests.train.test_loop import CONFIG, Noisy, make
 team = engine.join()
 loop, _ = make(Path(sys.argv[1]), team=team)
