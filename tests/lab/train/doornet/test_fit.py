@@ -36,7 +36,7 @@ import numpy as np
 from pathlib import Path
 from doorway3ds.lab.train.engine import backend as engine
 from doorway3ds.lab.train.doornet.data.samples import read_rendered
-from tests.train.test_fit import CONFIG, build, run
+from tests.lab.train.doornet.test_fit import CONFIG, build, run
 engine.start(1)
 team = engine.join()
 teachers, rendered, out = map(Path, sys.argv[1:])

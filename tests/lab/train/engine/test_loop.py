@@ -27,7 +27,7 @@ import sys
 import numpy as np
 from pathlib import Path
 from doorway3ds.lab.train.engine import backend as engine
-from tests.train.test_loop import CONFIG, Noisy, make
+from tests.lab.train.engine.test_loop import CONFIG, Noisy, make
 team = engine.join()
 loop, _ = make(Path(sys.argv[1]), team=team)
 history = loop.run()
