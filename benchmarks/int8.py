@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 import onnx
 import onnxruntime
+import onnxslim
 from numpy.typing import NDArray
 from onnxruntime.quantization import (
     CalibrationDataReader,
@@ -35,7 +36,6 @@ from onnxruntime.quantization import (
 from doorway3ds.lab.benchmark import machine
 from doorway3ds.lab.datasets.readers import read_dataset
 from doorway3ds.lab.datasets.samples import load_frame, place_folds
-from doorway3ds.lab.train.onnx.tidy import tidy
 from doorway3ds.networks.doornet import place, prepare
 from doorway3ds.networks.session import digest
 
@@ -111,7 +111,7 @@ def quantise(
     keep: list[str],
 ) -> None:
     """Writes the network with 8-bit convolutions, and a card beside it if there was one."""
-    graph = tidy(in_floats(onnx.load(network)))
+    graph = onnxslim.slim(in_floats(onnx.load(network)))
     for index, node in enumerate(graph.graph.node):
         node.name = f"{node.output[0]}#{index}"
     left = [node.name for node in graph.graph.node if any(part in node.name for part in keep)]

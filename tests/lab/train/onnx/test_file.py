@@ -60,3 +60,35 @@ def test_a_file_that_answers_otherwise_never_appears(tmp_path: Path, later: floa
         export(network(), path, SHAPES[:1], ["map"], lambda found: found * next(factors), {})
     assert [file.name for file in tmp_path.iterdir()] == ["n.onnx"]
     assert path.read_bytes() == b"the one before"
+
+
+def test_a_keras_network_is_left_with_what_it_computes(tmp_path: Path) -> None:
+    import onnx
+
+    keras = engine.start(1)
+    keras.utils.set_random_seed(3)
+    layers = keras.layers
+    image = found = keras.Input((3, None, None))
+    found = layers.ZeroPadding2D(((0, 1), (0, 1)))(found)
+    found = layers.Conv2D(8, 3, strides=2, use_bias=False)(found)
+    found = layers.BatchNormalization(axis=1)(found)
+    found = layers.Activation("relu")(found)
+    found = layers.UpSampling2D(2, interpolation="nearest")(found)
+    found = layers.DepthwiseConv2D(3, padding="same")(found)
+    found = layers.UpSampling2D(2, interpolation="bilinear")(found)
+    network = keras.Model(image, layers.Conv2D(1, 1)(found))
+    norm = next(n for n in network.layers if isinstance(n, layers.BatchNormalization))
+    rng = np.random.default_rng(4)
+    norm.set_weights([rng.uniform(0.5, 2, 8).astype(np.float32) for _ in norm.weights])
+    path = tmp_path / "n.onnx"
+    assert export(network, path, SHAPES, ["map"], lambda x: x, {}, axes=AXES) < BOUND / 10
+    graph = onnx.load(str(path))
+    assert [node.op_type for node in graph.graph.node] == [
+        "Conv",
+        "Relu",
+        "Resize",
+        "Conv",
+        "Resize",
+        "Conv",
+    ]
+    assert {entry.domain for entry in graph.opset_import} == {""}

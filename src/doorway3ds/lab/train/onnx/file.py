@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from doorway3ds.errors import UserError
-from doorway3ds.lab.train.onnx.tidy import tidy
 
 # largest difference allowed, relative to each output's largest value; 16-bit weights are rounded
 BOUND, HALF_BOUND = 1e-3, 0.05
@@ -44,6 +44,7 @@ def export(
     largest value. The file appears only if that is within the bound; UserError otherwise.
     """
     import onnx
+    import onnxslim
     import torch
 
     class Exported(torch.nn.Module):  # type: ignore[misc]
@@ -62,7 +63,8 @@ def export(
         path.parent.mkdir(parents=True, exist_ok=True)
         example = torch.rand(1, *shapes[0], device=device) * scale
         trace(wrapped, example, str(temporary), outputs, axes)
-        graph = tidy(onnx.load(str(temporary)))
+        # Gemm would hide which weights are a layer's: `doornet.restore` reads MatMul and Add
+        graph = onnxslim.slim(onnx.load(str(temporary)), skip_fusion_patterns=["FusionGemm"])
         if half:
             _store_half(graph)
         entry = graph.metadata_props.add()
@@ -89,7 +91,7 @@ def trace(
     """Exports a torch module by running it once; target: a path or a stream of bytes."""
     import torch
 
-    with torch.no_grad(), warnings.catch_warnings():
+    with torch.no_grad(), _plain_layers(), warnings.catch_warnings():
         # of sizes that tracing fixes: they are the layers' own or the picture's only one
         warnings.simplefilter("ignore")
         torch.onnx.export(
@@ -102,6 +104,37 @@ def trace(
             opset_version=17,
             dynamo=False,
         )
+
+
+@contextmanager
+def _plain_layers() -> Iterator[None]:
+    """Layers that Keras makes of many small steps are traced as the one that PyTorch has.
+
+    The exporter then takes batch norm into the convolution before it, and upsampling becomes one
+    node whose scale does not have to be computed from the image's size.
+    """
+    import keras
+    from torch.nn import functional
+
+    norm, upsampling = keras.layers.BatchNormalization, keras.layers.UpSampling2D
+    before = norm.call, upsampling.call
+
+    def normalise(layer: Any, inputs: Any, training: Any = None, mask: Any = None) -> Any:
+        if inputs.ndim != 4 or layer.axis != 1 or not (layer.scale and layer.center):
+            return before[0](layer, inputs, training=training, mask=mask)
+        statistics = (layer.moving_mean.value, layer.moving_variance.value)
+        factor, offset = layer.gamma.value, layer.beta.value
+        return functional.batch_norm(inputs, *statistics, factor, offset, eps=layer.epsilon)
+
+    def enlarge(layer: Any, inputs: Any) -> Any:
+        times = tuple(float(size) for size in layer.size)
+        return functional.interpolate(inputs, scale_factor=times, mode=layer.interpolation)
+
+    norm.call, upsampling.call = normalise, enlarge
+    try:
+        yield
+    finally:
+        norm.call, upsampling.call = before
 
 
 def parity(wrapped: Any, path: Path, shapes: Sequence[Shape], scale: float, device: Any) -> float:
