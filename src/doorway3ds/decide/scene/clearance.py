@@ -91,6 +91,7 @@ class Clearance:
     def evidence(self) -> dict[str, Any]:
         """As `Selection.evidence` carries it to whoever draws or logs."""
         return {
+            "corridor_m": self.corridor_m,
             "corridor_px": [(float(x), float(y)) for x, y in self.corridor_px],
             "obstacle_px": self.obstacle_px,
             "obstacle_m": self.obstacle_m,
