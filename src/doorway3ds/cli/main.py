@@ -43,6 +43,9 @@ _EXTRAS = {
     "onnx": "train",
     "onnxscript": "train",
     "qi": "nao",
+    "rclpy": "ros",
+    "rerun": "rerun",
+    "rosbags": "bag",
     "torch": "train",
     "uvicorn": "serve",
 }

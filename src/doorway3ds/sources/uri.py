@@ -15,11 +15,15 @@ from doorway3ds.errors import CallError, UserError
 from doorway3ds.sources.base import CameraFor, Source, View
 
 # Sources in modules of their own, each with open_uri(uri, view, **options) -> Source.
-_ELSEWHERE = {"sim": "doorway3ds.lab.sim.robot.source", "nao": "doorway3ds.robots.nao.camera"}
+_ELSEWHERE = {
+    "bag": "doorway3ds.ros.bag",
+    "nao": "doorway3ds.robots.nao.camera",
+    "sim": "doorway3ds.lab.sim.robot.source",
+}
 
 EXPECTED = (
     "an image, a folder, a pattern such as 'pictures/*.jpg', a video file, - (images on standard "
-    "input), webcam://0, rtsp://, http:// (MJPEG), sim:// or nao://"
+    "input), webcam://0, rtsp://, http:// (MJPEG), bag://, sim:// or nao://"
 )
 
 
