@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from importlib.util import find_spec
 from types import SimpleNamespace
 
@@ -123,9 +124,20 @@ def test_wrong_compressed_images_are_refused() -> None:
         received.image_of(SimpleNamespace(format="jpeg", data=b"not a picture"), "camera")
 
 
-def test_a_camera_there_and_back_is_the_same(make: messages.Make) -> None:
-    message = messages.camera_info(make, top(make), CAMERA)
-    assert received.camera_of(message, "cam") == CAMERA
+@pytest.mark.parametrize(
+    ("model", "coefficients"),
+    [
+        ("plumb_bob", CAMERA.distortion),
+        ("rational_polynomial", (-0.1, 0.02, 0.001, -0.002, 0.003, 0.01, -0.004, 0.001)),
+        ("equidistant", (0.02, -0.01, 0.004, -0.001)),
+    ],
+)
+def test_a_camera_there_and_back_is_the_same(
+    make: messages.Make, model: str, coefficients: tuple[float, ...]
+) -> None:
+    camera = replace(CAMERA, distortion_model=model, distortion=coefficients)
+    message = messages.camera_info(make, top(make), camera)
+    assert received.camera_of(message, "cam") == camera
     straight = received.camera_of(message, "cam", rectified=True)
     assert straight is not None and not any(straight.distortion) and straight.fx == CAMERA.fx
 
@@ -210,8 +222,6 @@ def test_markers_show_doorway_corridor_and_words(make: messages.Make, decision: 
 
 
 def test_without_a_doorway_only_words_remain(make: messages.Make, decision: Decision) -> None:
-    from dataclasses import replace
-
     nothing = replace(decision, reason=Reason.NO_DOOR)
     shown = messages.markers(make, top(make), nothing).markers
     assert {one.ns for one in shown[1:]} <= {"candidates", "words"}

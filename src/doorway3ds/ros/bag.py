@@ -14,7 +14,7 @@ from urllib.parse import unquote
 from doorway3ds.camera.model import Camera
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.ros.bagfile import BagFile
-from doorway3ds.ros.received import camera_of, image_of, stamp_of
+from doorway3ds.ros.received import Calibration, image_of, stamp_of
 from doorway3ds.ros.transforms import Transforms
 from doorway3ds.sources.base import Source, View
 from doorway3ds.sources.clock import Clock
@@ -62,6 +62,9 @@ class BagSource(Source):
             self._topic = _chosen(self.name, self._bag.kinds, topic)
             infos = [name for name, kind in self._bag.kinds.items() if kind == _INFO]
             self._info = beside(self._topic, infos)
+            self._calibration = Calibration(
+                self._info or "camera_info", rectified="rect" in self._topic
+            )
             self._transforms = Transforms()
             for _, _, message in self._bag.messages([_TF_STATIC]):
                 self._transforms.add(message)
@@ -122,15 +125,11 @@ class BagSource(Source):
             elif topic == _TF:
                 self._transforms.add(message)
             else:
-                self._camera = self._calibrated(message)
+                self._camera = self._calibration.camera(message)
 
     def _cameras(self) -> Iterator[Camera | None]:
         for _, _, message in self._bag.messages([self._info] if self._info else []):
-            yield self._calibrated(message)
-
-    def _calibrated(self, message: Any) -> Camera | None:
-        name = self._info or "camera_info"
-        return camera_of(message, name, rectified="rect" in self._topic)
+            yield self._calibration.camera(message)
 
     def _frame(self, at_s: float, message: Any) -> Frame | None:
         self._number += 1

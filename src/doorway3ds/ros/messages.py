@@ -102,7 +102,7 @@ def camera_info(make: Make, top: Any, camera: Camera) -> Any:
     fx, fy, cx, cy = (float(v) for v in (camera.fx, camera.fy, camera.cx, camera.cy))
     return make(
         "sensor_msgs/msg/CameraInfo", header=top, width=camera.width, height=camera.height,
-        distortion_model="plumb_bob", d=[float(v) for v in camera.distortion],
+        distortion_model=camera.distortion_model, d=[float(v) for v in camera.distortion],
         k=[fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
         r=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
         p=[fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from doorway3ds.camera.info import check_lens, distortion
 from doorway3ds.camera.model import Array, Camera, Pose
 from doorway3ds.errors import UserError
 from doorway3ds.images.codec import read_image
@@ -82,45 +83,68 @@ def camera_of(message: Any, name: str = "camera_info", *, rectified: bool = Fals
     The intrinsic matrix is that of the full sensor; binning and the region of interest are
     taken off. rectified: the images are undistorted already, and P describes them, not K and D.
 
+    Warns (LensWarning) if the distortion cannot be undone in some of the image.
+
     Raises UserError for another distortion model, or numbers that describe no camera.
     """
     k, d, p = (_field(message, letter) for letter in "kdp")
     if k[0] == 0:
         return None
+    model: str | None = message.distortion_model
+    fx, fy, cx, cy = k[0], k[4], k[2], k[5]
     if rectified and p[0] != 0:
-        fx, fy, cx, cy, model, d = p[0], p[5], p[2], p[6], "", []
-    else:
-        fx, fy, cx, cy, model = k[0], k[4], k[2], k[5], message.distortion_model
+        fx, fy, cx, cy, model, d = p[0], p[5], p[2], p[6], "plumb_bob", []
     roi = message.roi
     cut = roi.width > 0 and roi.height > 0
     left, top = (roi.x_offset, roi.y_offset) if cut else (0, 0)
     width, height = (roi.width, roi.height) if cut else (message.width, message.height)
     across, down = max(1, message.binning_x), max(1, message.binning_y)
     try:
-        return Camera(
-            name, int(width // across), int(height // down), fx / across, fy / down,
-            (cx - left + 0.5) / across - 0.5, (cy - top + 0.5) / down - 0.5,
-            _distortion(model, d),
-        )  # fmt: skip
+        model, d = distortion(model, d)
+        camera = Camera(
+            name=name,
+            width=int(width // across),
+            height=int(height // down),
+            fx=fx / across,
+            fy=fy / down,
+            cx=(cx - left + 0.5) / across - 0.5,
+            cy=(cy - top + 0.5) / down - 0.5,
+            distortion=tuple(d),
+            distortion_model=model,
+        )
     except ValueError as error:
         raise UserError(f"{name} describes no camera: {error}") from error
+    check_lens(camera, name)
+    return camera
+
+
+class Calibration:
+    """The camera of one topic, worked out again only if its `camera_info` changes."""
+
+    def __init__(self, name: str, *, rectified: bool = False) -> None:
+        self._name, self._rectified = name, rectified
+        self._key: tuple[Any, ...] | None = None
+        self._camera: Camera | None = None
+
+    def camera(self, message: Any) -> Camera | None:
+        """As `camera_of`."""
+        roi = message.roi
+        key = (
+            message.width, message.height, message.distortion_model,
+            *(tuple(_field(message, letter)) for letter in "kdp"),
+            message.binning_x, message.binning_y,
+            roi.x_offset, roi.y_offset, roi.width, roi.height,
+        )  # fmt: skip
+        if key != self._key:
+            self._camera = camera_of(message, self._name, rectified=self._rectified)
+            self._key = key
+        return self._camera
 
 
 def _field(message: Any, letter: str) -> list[float]:
     """A matrix by its name in ROS 2, or in ROS 1, which has capitals."""
     values = getattr(message, letter, None)
     return [float(v) for v in (getattr(message, letter.upper()) if values is None else values)]
-
-
-def _distortion(model: str, d: list[float]) -> tuple[float, float, float, float, float]:
-    if not any(d):
-        return (0.0, 0.0, 0.0, 0.0, 0.0)
-    if model != "plumb_bob":
-        raise ValueError(f"expected distortion model plumb_bob, got {model!r}")
-    if len(d) not in (4, 5):
-        raise ValueError(f"expected 4 or 5 coefficients of plumb_bob, got {len(d)}")
-    k1, k2, p1, p2, k3 = (*d, *[0.0] * (5 - len(d)))
-    return (k1, k2, p1, p2, k3)
 
 
 def stamp_of(message: Any) -> float:
