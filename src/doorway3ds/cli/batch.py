@@ -1,0 +1,155 @@
+"""`3ds batch`: decides for very many images and writes a table."""
+
+from __future__ import annotations
+
+import sys
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from doorway3ds.cli.shared.bar import RateBar
+from doorway3ds.cli.shared.camera import CameraOptions
+from doorway3ds.cli.shared.options import (
+    Camera,
+    FovDeg,
+    HeightM,
+    MaxUnseenM,
+    Method,
+    Mirror,
+    Network,
+    PitchDeg,
+    RollDeg,
+    WidthM,
+)
+from doorway3ds.cli.shared.pipeline import build_pipeline
+from doorway3ds.errors import CallError, UserError
+
+
+def batch(
+    sources: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="SOURCE...",
+            help="Images, folders (recursive), patterns, .txt lists, .tar and .parquet shards, "
+            "films, bags, and s3://, gs:// or https:// URLs.",
+        ),
+    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the Parquet data set.")],
+    method: Method = "opening",
+    network: Network = "doornet",
+    camera: Camera = None,
+    fov_deg: FovDeg = None,
+    height_m: HeightM = None,
+    pitch_deg: PitchDeg = None,
+    roll_deg: RollDeg = None,
+    width_m: WidthM = None,
+    max_unseen_m: MaxUnseenM = None,
+    mirror: Mirror = False,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; default: one for each core.")
+    ] = None,
+    ray: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS|auto", help="Decide on a Ray cluster instead."),
+    ] = None,
+    annotate: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write annotated images there.")
+    ] = None,
+    depth_dir: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write depth maps in metres there, .npy.")
+    ] = None,
+    report: Annotated[
+        bool, typer.Option("--report", help="Write _report/report.html into DIR.")
+    ] = False,
+) -> None:
+    """Decide for very many images and write the answers as Parquet.
+
+    Repeat a call that was interrupted and it goes on: images whose content and settings are
+    unchanged are not decided again. A damaged image becomes a row with an error.
+
+    Example: 3ds batch recordings/ --out answers --report
+
+    Exit status: 0 every image was answered, 1 some were not, 2 wrong call.
+    """
+    from doorway3ds.images.codec import SUFFIXES
+    from doorway3ds.lab.batch.items import count_items
+    from doorway3ds.lab.batch.rows import counts
+    from doorway3ds.lab.batch.run import Outcome, run_batch
+    from doorway3ds.lab.batch.worker import Job
+    from doorway3ds.networks.session import available_threads
+    from doorway3ds.sources.base import View
+
+    options = CameraOptions(camera, fov_deg, height_m, pitch_deg, roll_deg)
+    choice = options.resolve()
+    make = partial(build_pipeline, method, network, width_m, max_unseen_m, 1, mirror)
+    settings = {
+        "network": _digests(network),
+        "method": method,
+        "camera": _camera(camera),
+        "fov_deg": fov_deg,
+        "pose": [height_m, pitch_deg, roll_deg],
+        "width_m": width_m,
+        "max_unseen_m": max_unseen_m,
+        "mirror": mirror,
+    }
+    make()  # a wrong network or option is said once, here, and not by every worker
+    given = any(value is not None for value in (camera, fov_deg))
+    posed = any(value is not None for value in (camera, height_m, pitch_deg, roll_deg))
+    view = View(choice.fit if given else None, choice.pose if posed else None)
+    job = Job(make, view, annotate, depth_dir)
+    with RateBar(lambda: count_items(sources)) as bar:
+        outcome = run_batch(
+            sources,
+            out,
+            job,
+            settings,
+            workers=workers or available_threads(),
+            ray=ray,
+            told=lambda now: bar.show(
+                now.answered + now.kept + now.errors, f"{now.errors} errors" if now.errors else ""
+            ),
+        )
+    if outcome == Outcome(0, 0, 0):
+        raise UserError(f"no image in {', '.join(sources)}; expected {', '.join(sorted(SUFFIXES))}")
+    by_folder = counts(out)
+    for where, count in by_folder.items():
+        sys.stderr.write(
+            f"{where}: {count.images} images, {count.open} open, {count.turn} turns, "
+            f"{count.blocked} blocked, {count.unsure} unsure, {count.errors} errors\n"
+        )
+    sys.stderr.write(
+        f"{outcome.answered} answered, {outcome.kept} unchanged, {outcome.errors} errors; "
+        f"rows in {out}\n"
+    )
+    if report:
+        from doorway3ds.lab.batch.report import write_batch_report
+
+        path = write_batch_report(out, sources, {"sources": " ".join(sources), "network": network})
+        sys.stderr.write(f"report in {path}\n")
+    if any(count.errors for count in by_folder.values()):
+        raise typer.Exit(1)
+
+
+def _digests(network: str) -> dict[str, str]:
+    """The networks by their content: a file trained again is another setting."""
+    from doorway3ds.networks.registry import find
+    from doorway3ds.networks.session import digest
+
+    files = {
+        name: None if name.endswith(".onnx") else find(name).found() for name in network.split("+")
+    }
+    return {name: digest(file or Path(name)) for name, file in files.items()}
+
+
+def _camera(camera: str | None) -> str | None:
+    """A camera file by its content: a calibration made again is another setting."""
+    if camera is None or not Path(camera).is_file():
+        return camera
+    import hashlib
+
+    try:
+        return hashlib.sha256(Path(camera).read_bytes()).hexdigest()
+    except OSError as error:
+        raise CallError(f"cannot read the camera file {camera}: {error.strerror}") from error

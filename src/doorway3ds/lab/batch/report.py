@@ -1,0 +1,85 @@
+"""What came of a batch, as one HTML page: counts, distributions, the least certain images."""
+
+from __future__ import annotations
+
+import heapq
+from pathlib import Path
+from typing import Any
+
+import pyarrow.compute as pc
+
+from doorway3ds.errors import UserError
+from doorway3ds.images.codec import read_image
+from doorway3ds.lab.batch.items import Item, find_items
+from doorway3ds.lab.batch.rows import Count, counts, read_rows
+from doorway3ds.lab.evaluate.report.html import Report, Table, write_report
+from doorway3ds.lab.evaluate.report.plots import COLORS, figure
+from doorway3ds.lab.evaluate.report.sheets import Tile, contact_sheet, picture_tile
+
+LEAST_CERTAIN = 24
+
+
+def write_batch_report(folder: Path, sources: list[str], facts: dict[str, str]) -> Path:
+    """Writes report.html into the data set's folder; returns its path.
+
+    sources: where the images of the contact sheet are read again.
+
+    Raises UserError if the folder holds no rows, cannot be written, or matplotlib is missing.
+    """
+    by_folder = counts(folder)
+    report = Report("Batch", {**facts, "images": str(sum(c.images for c in by_folder.values()))})
+    report.tables.append(_table(by_folder))
+    columns = ["image", "occurrence", "p_open", "bearing_deg", "range_m", "reason"]
+    table = read_rows(folder, columns)
+    for stem, title, column, bins in (
+        ("p_open", "Probability of an open doorway", "p_open", 20),
+        ("bearing", "Bearing of the best opening, degrees, + left", "bearing_deg", 36),
+        ("range", "Distance to the sill, metres", "range_m", 30),
+    ):
+        values = pc.drop_null(table[column]).to_numpy()
+        if len(values):
+            with figure() as (axes, done):
+                axes.hist(values, bins=bins, color=COLORS[0])
+                axes.set_ylabel("images")
+                report.add_plot(stem, title, done())
+    rows = table.filter(pc.is_valid(table["p_open"])).select(columns).to_pylist()
+    doubtful = heapq.nsmallest(LEAST_CERTAIN, rows, key=lambda row: abs(row["p_open"] - 0.5))
+    tiles = _tiles(sources, doubtful)
+    if tiles:
+        report.add_sheet("least-certain", "The least certain", contact_sheet(tiles))
+    answer = {where: vars(count) for where, count in by_folder.items()}
+    return write_report(report, folder / "_report", {"folders": answer})
+
+
+def _table(by_folder: dict[str, Count]) -> Table:
+    names = ("images", "open", "turn", "blocked", "unsure", "errors")
+    rows = [
+        (where, "", [str(getattr(count, name)) for name in names])
+        for where, count in by_folder.items()
+    ]
+    return Table("Answers by folder", names, rows)
+
+
+def _tiles(sources: list[str], rows: list[dict[str, Any]]) -> list[Tile]:
+    wanted = {(row["image"], row["occurrence"]): row for row in rows}
+    found: dict[tuple[str, int], Tile] = {}
+    for item in find_items(sources):
+        row = wanted.get((item.name, item.occurrence))
+        if row is None:
+            continue
+        tile = _tile(item, row)
+        if tile is not None:
+            found[item.name, item.occurrence] = tile
+        if len(found) == len(wanted):
+            break
+    return [found[key] for key in wanted if key in found]
+
+
+def _tile(item: Item, row: dict[str, Any]) -> Tile | None:
+    caption = f"{row['p_open']:.2f} {row['reason']} {Path(item.name).name}"
+    if item.frame is not None:
+        return picture_tile(item.frame.image, caption)
+    try:
+        return picture_tile(read_image(item.read(), name=item.name).image, caption)
+    except UserError:  # gone since it was decided on
+        return None
