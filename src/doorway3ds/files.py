@@ -18,7 +18,8 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
     """
     path = Path(path)
     # Opened exclusively rather than by tempfile, whose files are private to the user.
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
+    # Of a short name: that of the file may be as long as the file system allows.
+    temporary = path.with_name(f".{secrets.token_hex(8)}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with temporary.open("xb") as file:

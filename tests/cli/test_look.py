@@ -110,7 +110,7 @@ def test_standard_input(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"")))
     ran = cli("look", "-", *NET)
     assert (ran.status, ran.out) == (1, "")
-    assert ran.err == "3ds: standard input is empty (0 bytes); expected a picture\n"
+    assert ran.err == "3ds: standard input is empty (0 bytes); expected an image\n"
 
 
 def test_one_bad_image_does_not_cost_the_others(cli: Cli) -> None:

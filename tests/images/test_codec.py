@@ -96,7 +96,8 @@ def test_exif_orientation(kind: str, orientation: int) -> None:
 @pytest.mark.parametrize("kind", ["JPEG", "PNG", "WEBP"])
 def test_exif_focal_length(kind: str) -> None:
     assert read_image(encode(scene(), kind, focal_35mm=27)).focal_35mm == 27.0
-    assert read_image(encode(scene(), kind, orientation=6)).focal_35mm is None
+    turned = read_image(encode(scene(), kind, orientation=6))
+    assert (turned.focal_35mm, turned.orientation) == (None, 6)
     assert read_image(encode(scene(), kind, focal_35mm=0)).focal_35mm is None
 
 
@@ -132,12 +133,11 @@ def test_unreadable(tmp_path: Path) -> None:
     [
         (b"hello, this is text", "is not an image"),
         (b"GIF89a" + bytes(20), "is a GIF file; save it as"),
-        (b"\0\0\0\x18ftypheic" + bytes(20), "is a HEIC file; save it as"),
         (b"\0\0\0\x18ftypisom" + bytes(20), "is a video file; save it as"),
-        (b"BM" + bytes(100), "has no pixels (0x0)"),
-        (b"P5 0 4 255\n", "has no pixels (0x4)"),
-        (b"\xff\xd8\xff\xd9", "is damaged"),
-        (b"\xff\xd8", "is truncated"),
+        (b"BM" + bytes(100), "cannot be decoded"),
+        (b"P5 0 4 255\n", "has no pixels"),
+        (b"\xff\xd8\xff\xd9", "has no pixels"),
+        (b"\xff\xd8", "is not an image"),
     ],
 )
 def test_not_a_picture(data: bytes, part: str) -> None:
@@ -153,10 +153,21 @@ def test_every_truncation_is_refused(kind: str) -> None:
     refused(data[: len(data) // 2], "is truncated")
 
 
+@pytest.mark.parametrize("progressive", [False, True])
+def test_a_jpeg_whose_decoder_makes_up_the_rest_is_refused(progressive: bool) -> None:
+    data = encode(scene(640, 480), "JPEG", progressive=progressive)
+    scan = data.index(b"\xff\xda") + 14
+    for start in range(scan, len(data) - 400, len(data) // 7):
+        lost = data[:start] + data[start + 300 :]
+        refused(lost, "is damaged (")
+    # Bytes between image and end marker that webcams add cost nothing.
+    assert read_image(data[:-2] + b"\0\0" + data[-2:]).image.shape == (480, 640, 3)
+
+
 def test_a_changed_png_is_refused_by_its_checksums() -> None:
     data = bytearray(encode(scene(), "PNG"))
     data[len(data) // 2] ^= 0x10
-    refused(bytes(data), "is damaged: a wrong checksum")
+    refused(bytes(data), "is damaged (", "checksum")
 
 
 def _png_of(width: int, height: int) -> bytes:
@@ -191,16 +202,18 @@ def _sized(kind: str, width: int, height: int) -> bytes:
 
 @pytest.mark.parametrize("kind", ["PNG", "JPEG", "BMP", "WEBP"])
 def test_bombs_are_refused_by_their_header(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def decoder(*_: object) -> None:
+    def decoder(*_: object, **__: object) -> None:
         raise AssertionError("the decoder was reached")
 
-    monkeypatch.setattr("doorway3ds.images.codec.cv2.imdecode", decoder)
-    refused(_sized(kind, 16000, 16000), "is too large: 16000x16000 pixels, at most 120 million")
+    monkeypatch.setattr("simplejpeg.decode_jpeg", decoder)
+    monkeypatch.setattr("PIL.ImageFile.ImageFile.load", decoder)
+    says = "256000000 pixels" if kind == "WEBP" else "16000x16000 pixels, at most 120 million"
+    refused(_sized(kind, 16000, 16000), "is too large", says)
 
 
 def test_zero_sized_by_header() -> None:
-    refused(_sized("PNG", 0, 480), "has no pixels (0x480)")
-    refused(_sized("JPEG", 640, 0), "has no pixels (640x0)")
+    refused(_sized("PNG", 0, 480), "has no pixels")
+    refused(_sized("JPEG", 640, 0), "has no pixels")
 
 
 def test_the_pixel_limit_is_a_parameter() -> None:

@@ -148,7 +148,7 @@ def test_the_command_answers_or_names_each_damaged_file(cli: Cli, tmp_path: Path
     folder.mkdir()
     for number, (_, data) in enumerate(cases(15, seed=1)):
         (folder / f"{number:03}.jpg").write_bytes(data)
-    # A process of its own, as libjpeg writes past Python's standard error.
+    # A process of its own, as decoders' C code might write past Python's standard error.
     done = subprocess.run(
         [sys.executable, "-m", "doorway3ds.cli.main", "look", folder, "--json", *NET],
         capture_output=True,
@@ -156,13 +156,13 @@ def test_the_command_answers_or_names_each_damaged_file(cli: Cli, tmp_path: Path
         timeout=60,
     )
     assert done.returncode == 1
-    *errors, summary = done.stderr.splitlines()
+    # libtiff writes lines of its own past Python's standard error.
+    *errors, summary = [line for line in done.stderr.splitlines() if not _native(line)]
     answered = done.stdout.count("\n")
     assert summary.startswith(f"{answered} of {19 * 15} answered")
     assert all(line.startswith(f"3ds: {folder}{os.sep}") for line in errors)
-    warned = sum(" is damaged, its answer may be wrong: " in line for line in errors)
-    assert warned > 0
-    assert len(errors) - warned + answered == 19 * 15
+    assert len(errors) + answered == 19 * 15
+    assert sum(" is damaged (Corrupt JPEG data" in line for line in errors) > 0
 
 
 @pytest.mark.parametrize("kind", ["JPEG", "PNG", "WEBP", "TIFF"])
@@ -172,6 +172,10 @@ def test_a_bomb_costs_no_time(kind: str) -> None:
     with pytest.raises(UserError, match="is too large: 3000x3000 pixels, at most 4 million"):
         read_image(data, max_pixels=MAX_PIXELS)
     assert time.perf_counter() - start < 0.1
+
+
+def _native(line: str) -> bool:
+    return line.startswith(("JPEGLib: ", "LZWDecode: ", "ZIPDecode: ", "tempfile.tif: "))
 
 
 def _small(kind: str) -> dict[str, object]:

@@ -20,7 +20,7 @@ from doorway3ds.cli.shared.listening import (
 from doorway3ds.cli.shared.options import Camera, FovDeg, Network, Threads
 
 if TYPE_CHECKING:
-    from doorway3ds.lab.datasets.samples import FitCamera
+    from doorway3ds.camera.choice import FitCamera
     from doorway3ds.web.label.pictures import Guesser
 
 

@@ -13,7 +13,6 @@ import typer
 
 from doorway3ds.cli.shared.camera import CameraChoice, CameraOptions
 from doorway3ds.cli.shared.inputs import Input, expand
-from doorway3ds.cli.shared.native import NativeErrors
 from doorway3ds.cli.shared.options import (
     Camera,
     FovDeg,
@@ -36,9 +35,6 @@ if TYPE_CHECKING:
     from doorway3ds.types import Decision
 
 OUT = Path("3ds-out")
-
-# What libjpeg and libpng say of a picture that lost something; they also warn of colour profiles.
-_DAMAGE = ("Corrupt", "Premature", "libpng error")
 
 
 def look(
@@ -83,18 +79,14 @@ def look(
     for message in errors:
         _complain(message)
     job = _Job(pipeline, choice, as_json, out, depth_dir)
-    native = NativeErrors()
     failed = len(errors)
     start = time.monotonic()
     with Progress(len(inputs)) as progress:
         for done, image in enumerate(inputs):
             progress.show(done)
             try:
-                with native.collect() as warnings:
-                    decision, line = job.decide(image)
+                decision, line = job.decide(image)
                 progress.clear()
-                for damage in [w for w in warnings if w.startswith(_DAMAGE)][:1]:
-                    _complain(f"{image.name} is damaged, its answer may be wrong: {damage}")
                 sys.stdout.write(line + "\n")
                 sys.stdout.flush()
                 job.write(image, decision)
@@ -120,6 +112,7 @@ class _Job:
 
     def decide(self, image: Input) -> tuple[Decision, str]:
         """The decision and the line that says it."""
+        from doorway3ds.camera.choice import turned_camera
         from doorway3ds.images.codec import read_image
         from doorway3ds.types import Frame
 
@@ -130,7 +123,9 @@ class _Job:
         decoded = (time.perf_counter() - start) * 1e3
         height, width = picture.image.shape[:2]
         try:
-            camera = self.choice.fit(width, height, picture.focal_35mm)
+            camera = turned_camera(
+                self.choice.fit, width, height, picture.focal_35mm, picture.orientation
+            )
             decision = self.pipeline.decide(Frame(picture.image, camera, self.choice.pose))
         except UserError as error:
             raise UserError(f"{name}: {error}") from error

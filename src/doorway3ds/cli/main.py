@@ -35,7 +35,6 @@ _ORDER = (
 
 # Which extra brings a module that the default install does without.
 _EXTRAS = {
-    "PIL": "sim",
     "fastapi": "serve",
     "fsspec": "batch",
     "h5py": "train",
@@ -78,6 +77,7 @@ def run(arguments: Sequence[str]) -> int:
             stream.reconfigure(errors="backslashreplace")
     with warnings.catch_warnings():
         warnings.showwarning = _warn
+        warnings.filterwarnings("ignore", module=r"PIL\.")  # what matters of it is an error
         return _run(arguments)
 
 

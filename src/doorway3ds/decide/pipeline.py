@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera.choice import default_camera
+from doorway3ds.camera.choice import default_camera, turned_camera
 from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.decide.gates import Gates, decide
 from doorway3ds.decide.opening import OpeningParams, select_opening, way_below
@@ -93,17 +93,17 @@ class Pipeline:
             return self.decide(image)
         start = time.perf_counter()
         timings: dict[str, float] = {}
-        focal_35mm = None
+        focal_35mm, orientation = None, 1
         if not isinstance(image, np.ndarray):
             picture = read_image(image)
             image, focal_35mm = picture.image, picture.focal_35mm
+            orientation = picture.orientation
             timings["decode"] = (time.perf_counter() - start) * 1e3
         height, width = image.shape[:2]
-        if camera is None:
-            camera = default_camera(width, height, focal_35mm)
-        elif (camera.width, camera.height) != (width, height):
-            camera = camera.scaled_to(width, height)
-        decision = self.decide(Frame(image, camera, pose or Pose()))
+        given = camera
+        fit = default_camera if given is None else lambda w, h, _: given.scaled_to(w, h)
+        fitted = turned_camera(fit, width, height, focal_35mm, orientation)
+        decision = self.decide(Frame(image, fitted, pose or Pose()))
         return replace(decision, timings_ms={**timings, **decision.timings_ms})
 
     def decide(self, frame: Frame) -> Decision:

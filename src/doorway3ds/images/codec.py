@@ -6,7 +6,6 @@ import os
 import stat
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -14,12 +13,13 @@ from numpy.typing import NDArray
 
 from doorway3ds.errors import UserError
 from doorway3ds.files import write_bytes
-from doorway3ds.images.header import Header, HeaderError, read_header
+from doorway3ds.images.decode import DecodeError, decode, kind_of, size_of
 
 MAX_PIXELS = 120_000_000  # the largest phone sensors in use give 108 million
 MAX_BYTES = 512 * 1024 * 1024
 SUFFIXES = frozenset(
     {".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp", ".ppm", ".pgm", ".pbm", ".pnm"}
+    | {".avif", ".heic", ".heif"}
 )
 
 
@@ -29,10 +29,12 @@ class Picture:
 
     image: (H, W, 3) uint8 RGB, turned upright as its EXIF orientation says.
     focal_35mm: EXIF focal length as on 35 mm film, in millimetres, or None.
+    orientation: EXIF 1 to 8, by which the sensor's image was turned; `Camera.turned` takes it.
     """
 
     image: NDArray[np.uint8]
     focal_35mm: float | None = None
+    orientation: int = 1
 
 
 def read_image(
@@ -41,7 +43,7 @@ def read_image(
     name: str | None = None,
     max_pixels: int = MAX_PIXELS,
 ) -> Picture:
-    """Decodes a JPEG, PNG, WebP, TIFF, BMP or PNM file, of any size and number of channels.
+    """Decodes a JPEG, PNG, WebP, TIFF, BMP, PNM, AVIF or (extra heic) HEIC file.
 
     Grey becomes three equal channels, an alpha channel is dropped, 16 bits a channel become 8,
     CMYK becomes RGB, EXIF orientation is applied.
@@ -50,7 +52,8 @@ def read_image(
     name: what error messages call it; default: the path, "image" for bytes.
 
     Raises UserError, its one line beginning with `name`: missing, unreadable, not an image,
-    truncated, damaged, without pixels, or over `max_pixels` by its header, before decoding.
+    truncated, damaged (even if a decoder would make up the rest), without pixels, or over
+    `max_pixels` by its header, before decoding.
     """
     if isinstance(source, bytes):
         data, name = source, name or "image"
@@ -58,25 +61,29 @@ def read_image(
         name = name or os.fspath(source)
         data = _read_bytes(Path(source), name)
     try:
-        header = read_header(data)
-    except HeaderError as error:
+        decoded = decode(data, max_pixels)
+    except DecodeError as error:
         raise UserError(f"{name} {error}") from error
-    if header.width <= 0 or header.height <= 0:
-        raise UserError(
-            f"{name} has no pixels ({header.width}x{header.height}); expected at least 1x1"
-        )
-    if header.width * header.height > max_pixels:
-        raise UserError(
-            f"{name} is too large: {header.width}x{header.height} pixels, "
-            f"at most {max_pixels / 1e6:g} million are read; scale it down"
-        )
-    image = _decode(data, header)
-    if image is None:
-        raise UserError(
-            f"{name} cannot be decoded: a damaged {header.kind}, or a variant of it that is not "
-            f"read; save it again as an 8-bit JPEG or PNG"
-        )
-    return Picture(_upright(image, header.orientation), header.focal_35mm)
+    image = upright(decoded.image, decoded.orientation)
+    return Picture(image, decoded.focal_35mm, decoded.stored_orientation)
+
+
+def image_size(path: str | os.PathLike[str]) -> tuple[int, int]:
+    """Width and height of an image file, upright, without decoding it. Raises UserError."""
+    name = os.fspath(path)
+    try:
+        return size_of(_read_bytes(Path(path), name))
+    except DecodeError as error:
+        raise UserError(f"{name} {error}") from error
+
+
+def is_image(path: Path) -> bool:
+    """Whether a file begins as an image that is read, whatever it is called."""
+    try:
+        with path.open("rb") as file:
+            return kind_of(file.read(32)) is not None
+    except OSError:
+        return False
 
 
 def _read_bytes(path: Path, name: str) -> bytes:
@@ -98,29 +105,8 @@ def _read_bytes(path: Path, name: str) -> bytes:
     return data
 
 
-def _decode(data: bytes, header: Header) -> NDArray[np.uint8] | None:
-    """RGB as stored, before orientation; None where OpenCV cannot, or disagrees on the size."""
-    if header.orientation_at is not None:
-        # OpenCV's TIFF reader turns some sample formats whatever the flag below says.
-        patched = bytearray(data)
-        patched[header.orientation_at] = 1
-        data = bytes(patched)
-    try:
-        decoded: Any = cv2.imdecode(
-            np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
-        )
-    except (cv2.error, MemoryError):
-        return None
-    if decoded is None or decoded.dtype != np.uint8:
-        return None
-    if decoded.shape != (header.height, header.width, 3):
-        return None
-    rgb: Any = cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB)
-    return np.asarray(rgb)
-
-
-def _upright(image: NDArray[np.uint8], orientation: int) -> NDArray[np.uint8]:
-    """Undoes EXIF orientation 1..8 (TIFF 6.0, tag 274)."""
+def upright(image: NDArray[np.uint8], orientation: int) -> NDArray[np.uint8]:
+    """Undoes EXIF orientation 1 to 8 (TIFF 6.0, tag 274)."""
     if orientation in (5, 6, 7, 8):
         image = image.swapaxes(0, 1)
     if orientation in (3, 4, 7, 8):
@@ -128,6 +114,11 @@ def _upright(image: NDArray[np.uint8], orientation: int) -> NDArray[np.uint8]:
     if orientation in (2, 3, 6, 7):
         image = image[:, ::-1]
     return np.ascontiguousarray(image)
+
+
+def as_stored(picture: Picture) -> NDArray[np.uint8]:
+    """The image as the sensor delivered it, before its EXIF orientation turned it upright."""
+    return upright(picture.image, {6: 8, 8: 6}.get(picture.orientation, picture.orientation))
 
 
 def write_image(path: str | os.PathLike[str], image: NDArray[np.uint8], quality: int = 92) -> Path:

@@ -38,7 +38,7 @@ class Film:
         self.path = path
         self.frames = 0
         self._fps = fps or _LIVE_FPS
-        self._part = path.with_name(f".{path.stem}.{secrets.token_hex(4)}.part{path.suffix}")
+        self._part = path.with_name(f".{secrets.token_hex(8)}.part{path.suffix}")
         self._writer: cv2.VideoWriter | None = None
         self._size = (0, 0)
         self._last: NDArray[np.uint8] | None = None

@@ -11,13 +11,13 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera.choice import default_camera
+from doorway3ds.camera.choice import FitCamera, default_camera, turned_camera
 from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.errors import UserError
+from doorway3ds.images.codec import Picture
 from doorway3ds.types import Frame
 
-CameraFor = Callable[[int, int, "float | None"], Camera]
-"""The camera for a picture's width, height and EXIF focal length (35 mm) or None."""
+CameraFor = FitCamera
 
 
 class SourceLost(UserError):
@@ -43,19 +43,38 @@ class View:
         focal_35mm: float | None = None,
         camera: Camera | None = None,
         pose: Pose | None = None,
+        orientation: int = 1,
+        sent: tuple[int, int] | None = None,
     ) -> Frame:
-        """A frame; `camera` and `pose` are the source's own, used where the user gave none."""
+        """A frame; `camera` and `pose` are the source's own, used where the user gave none.
+
+        orientation: EXIF 1 to 8, by which `image` was turned upright. sent: width and height that
+        the image had before it was stretched to square pixels, as a camera may be for those.
+        """
         height, width = image.shape[:2]
         chosen = self.camera if self.camera is not None else camera
-        if chosen is None:
-            fitted = default_camera(width, height, focal_35mm)
-        elif not isinstance(chosen, Camera):
-            fitted = chosen(width, height, focal_35mm)
-        elif (chosen.width, chosen.height) != (width, height):
-            fitted = chosen.scaled_to(width, height)
-        else:
-            fitted = chosen
+        fit: CameraFor = default_camera
+        if isinstance(chosen, Camera):
+            own = chosen
+            fit = lambda width, height, _: own.scaled_to(width, height)  # noqa: E731
+        elif chosen is not None:
+            fit = chosen
+        try:
+            fitted = turned_camera(fit, width, height, focal_35mm, orientation)
+        except UserError:
+            if sent is None:
+                raise
+            fitted = turned_camera(fit, *sent, focal_35mm, orientation).stretched_to(width, height)
         return Frame(image, fitted, self.pose or pose or Pose(), stamp_s)
+
+    def of_picture(self, picture: Picture, stamp_s: float) -> Frame:
+        """The frame of a decoded image file."""
+        return self.frame(
+            picture.image,
+            stamp_s,
+            focal_35mm=picture.focal_35mm,
+            orientation=picture.orientation,
+        )
 
 
 class Source(ABC):
@@ -137,12 +156,14 @@ class Shot:
 
     image: (H, W, 3) uint8 RGB, or the bytes of an image file, decoded only if it is used.
     stamp_s: `time.monotonic()` at exposure, or at arrival where that is unknown.
+    sent: width and height before the image was stretched to square pixels.
     """
 
     image: NDArray[np.uint8] | bytes
     stamp_s: float
     camera: Camera | None = None
     pose: Pose | None = None
+    sent: tuple[int, int] | None = None
 
 
 class Capture(Protocol):

@@ -70,12 +70,19 @@ class LiveSource(Source):
         return None
 
     def _frame(self, shot: Shot) -> Frame:
-        image, focal_35mm = shot.image, None
+        image, orientation, focal_35mm = shot.image, 1, None
         if isinstance(image, bytes):
             picture = read_image(image, name=f"a picture of {self.name}")
-            image, focal_35mm = picture.image, picture.focal_35mm
+            image, orientation = picture.image, picture.orientation
+            focal_35mm = picture.focal_35mm
         return self._view.frame(
-            image, shot.stamp_s, focal_35mm=focal_35mm, camera=shot.camera, pose=shot.pose
+            image,
+            shot.stamp_s,
+            focal_35mm=focal_35mm,
+            camera=shot.camera,
+            pose=shot.pose,
+            orientation=orientation,
+            sent=shot.sent,
         )
 
     def _newest(self, deadline: float | None) -> Shot | None:

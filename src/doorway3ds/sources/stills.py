@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from doorway3ds.errors import UserError
-from doorway3ds.images.codec import SUFFIXES, read_image
+from doorway3ds.images.codec import read_image
 from doorway3ds.sources.base import Source, View
 from doorway3ds.sources.clock import Clock
 from doorway3ds.sources.splitter import Splitter
@@ -18,18 +18,6 @@ from doorway3ds.types import Frame
 
 _CHUNK = 1 << 16
 _PAUSE_S = 0.1
-
-
-def images_in(folder: Path) -> list[Path]:
-    """The images of a folder in name order, hidden ones left out."""
-    try:
-        return sorted(
-            path
-            for path in folder.iterdir()
-            if path.suffix.lower() in SUFFIXES and not path.name.startswith(".")
-        )
-    except OSError as error:
-        raise UserError(f"{folder} cannot be read: {error.strerror}") from error
 
 
 class Stills(Source):
@@ -74,7 +62,7 @@ class Stills(Source):
             self._next += 1
             try:
                 picture = read_image(path)
-                frame = self._view.frame(picture.image, stamp_s, focal_35mm=picture.focal_35mm)
+                frame = self._view.of_picture(picture, stamp_s)
             except UserError as error:
                 self._leave_out(path, error)
                 continue
@@ -134,7 +122,7 @@ class StreamOfImages(Source):
             name = f"image {self._count} of standard input"
             try:
                 picture = read_image(data, name=name)
-                frame = self._view.frame(picture.image, stamp_s, focal_35mm=picture.focal_35mm)
+                frame = self._view.of_picture(picture, stamp_s)
             except UserError as error:
                 self.damaged += 1
                 self.notice(str(error))

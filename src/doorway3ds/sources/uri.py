@@ -86,15 +86,17 @@ def _by_scheme(scheme: str, uri: str, view: View, options: dict[str, Any]) -> So
 
 
 def _by_path(name: str, view: View, options: dict[str, Any]) -> Source:
-    from doorway3ds.images.codec import SUFFIXES
-    from doorway3ds.sources.stills import Stills, images_in
+    from doorway3ds.images.codec import SUFFIXES, is_image
+    from doorway3ds.images.folder import images_in, natural
+    from doorway3ds.sources.stills import Stills
 
     still = _only(options, "pace", "loop", "fps")
     path = Path(name)
     if path.is_dir():
         return Stills(name, images_in(path), view, **still)
     if path.is_file():
-        if path.suffix.lower() in SUFFIXES:
+        # By what it holds, too: of a HEIC without its suffix FFmpeg would show one tile.
+        if path.suffix.lower() in SUFFIXES or is_image(path):
             return Stills(name, [path], view, **still)
         from doorway3ds.sources.video import VideoFile
 
@@ -102,7 +104,7 @@ def _by_path(name: str, view: View, options: dict[str, Any]) -> Source:
     if path.exists():
         raise UserError(f"{name} is a device or pipe; expected {EXPECTED}")
     if any(sign in name for sign in "*?["):
-        paths = sorted(Path(found) for found in glob.glob(name, recursive=True))  # noqa: PTH207
+        paths = sorted(map(Path, glob.glob(name, recursive=True)), key=natural)  # noqa: PTH207
         if not paths:
             raise UserError(f"{name} matches no file; expected {EXPECTED}")
         return Stills(name, [found for found in paths if found.is_file()], view, **still)

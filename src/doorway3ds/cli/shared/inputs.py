@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from doorway3ds.errors import UserError
+
+_LONGEST_STEM = 230
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,9 @@ class Input:
 
 
 def expand(names: Iterable[str]) -> tuple[list[Input], list[str]]:
-    """The images of the arguments, folders in name order, and an error per unusable folder."""
+    """The images of the arguments, folders in natural order, and an error per unusable folder."""
+    from doorway3ds.images.folder import images_in
+
     found: list[str] = []
     errors: list[str] = []
     for name in names:
@@ -37,9 +42,9 @@ def expand(names: Iterable[str]) -> tuple[list[Input], list[str]]:
             found.append(name)
             continue
         try:
-            inside = list(_images_in(Path(name)))
-        except OSError as error:
-            errors.append(f"{name} cannot be read: {error.strerror}")
+            inside = [str(path) for path in images_in(Path(name))]
+        except UserError as error:
+            errors.append(str(error))
             continue
         if not inside:
             errors.append(f"{name} holds no image; expected .jpg, .png, .webp, .tif, .bmp or .ppm")
@@ -47,18 +52,13 @@ def expand(names: Iterable[str]) -> tuple[list[Input], list[str]]:
     return list(_with_stems(found)), errors
 
 
-def _images_in(folder: Path) -> Iterator[str]:
-    from doorway3ds.images.codec import SUFFIXES
-
-    for path in sorted(folder.iterdir()):
-        if path.suffix.lower() in SUFFIXES and not path.name.startswith("."):
-            yield str(path)
-
-
 def _with_stems(names: Iterable[str]) -> Iterator[Input]:
     taken: set[str] = set()
     for name in names:
-        first = stem = "stdin" if name == "-" else Path(name).stem
+        first = "stdin" if name == "-" else Path(name).stem
+        # Room for what is put behind it, in file systems that take names of 255 bytes.
+        first = os.fsencode(first)[:_LONGEST_STEM].decode(errors="ignore")
+        stem = first
         number = 1
         while stem in taken:
             number += 1

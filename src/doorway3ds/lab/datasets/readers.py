@@ -21,14 +21,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from doorway3ds.camera.choice import default_camera
+from doorway3ds.camera.choice import FitCamera, default_camera
 from doorway3ds.camera.info import read_camera_info
 from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.errors import CallError, UserError
-from doorway3ds.images.codec import SUFFIXES
-from doorway3ds.images.header import HeaderError, read_header
+from doorway3ds.images.codec import image_size
+from doorway3ds.images.folder import images_in
 from doorway3ds.lab.datasets.csvfile import csv_columns, csv_rows, flag, number
-from doorway3ds.lab.datasets.samples import Dataset, FitCamera, Marked, Sample
+from doorway3ds.lab.datasets.samples import Dataset, Marked, Sample
 
 LAYOUTS = ("nyu", "rendered", "plain", "boxes", "folders")
 
@@ -223,11 +223,7 @@ def _with_files(
         value = number(row, column, where)
         return default if value is None else value
 
-    try:
-        header = read_header(sample.image_path.read_bytes())
-    except (HeaderError, OSError) as error:
-        raise UserError(f"{sample.image_path} cannot be read: {error}") from error
-    width, height = header.width, header.height
+    width, height = image_size(sample.image_path)
     fx = given("fx_px", math.nan)
     if not fx > 0:
         raise UserError(f"{where}: expected a focal length fx_px above 0, got '{row['fx_px']}'")
@@ -349,15 +345,13 @@ def _read_boxes(path: Path) -> tuple[list[Sample], bool]:
 def _read_folders(path: Path) -> tuple[list[Sample], bool]:
     samples = []
     known = True
-    for folder in sorted(d for d in path.iterdir() if d.is_dir()):
+    for folder in sorted(d for d in path.iterdir() if d.is_dir() and d.name[0] != "."):
         key = _class_key(folder.name)
         if key not in CLASS_FOLDERS:
             raise UserError(
                 f"expected class folders like open-door/ and no-door/ in {path}, got {folder.name}/"
             )
-        for file in sorted(folder.rglob("*")):
-            if file.suffix.lower() not in SUFFIXES:
-                continue
+        for file in images_in(folder, recursive=True):
             name = file.relative_to(path).as_posix()
             nested = file.parent != folder
             known &= nested

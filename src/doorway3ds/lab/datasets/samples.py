@@ -7,7 +7,7 @@ it is asked to.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera.choice import default_camera
+from doorway3ds.camera.choice import FitCamera, default_camera, turned_camera
 from doorway3ds.camera.model import (
     Camera,
     Pose,
@@ -43,9 +43,6 @@ NYU_KINDS = {
 KIND_SHARE = 0.02  # of a picture's pixels, from which on a kind counts as shown
 
 DEPTH_FULL_M = 10.0
-
-# width, height, EXIF focal length as on 35 mm film -> camera
-FitCamera = Callable[[int, int, float | None], Camera]
 
 
 @dataclass(frozen=True)
@@ -110,7 +107,9 @@ def load_frame(sample: Sample) -> Frame:
             image, sample.size, interpolation=cv2.INTER_LINEAR if enlarges else cv2.INTER_AREA
         )
     height, width = image.shape[:2]
-    camera = sample.camera or sample.fit(width, height, picture.focal_35mm)
+    camera = sample.camera or turned_camera(
+        sample.fit, width, height, picture.focal_35mm, picture.orientation
+    )
     if (camera.width, camera.height) != (width, height):
         camera = camera.scaled_to(width, height)
     return Frame(np.ascontiguousarray(image, np.uint8), camera, sample.pose)

@@ -14,6 +14,7 @@ from fastapi import APIRouter, Body, Depends, Query, Request, Response
 from fastapi.responses import StreamingResponse
 
 from doorway3ds import __version__
+from doorway3ds.camera.choice import turned_camera
 from doorway3ds.camera.presets import PRESETS
 from doorway3ds.decide.pipeline import NEEDS
 from doorway3ds.draw import annotate
@@ -90,7 +91,7 @@ def _look(upload: Upload, state: ServeState) -> Decision:
     decoded = (time.perf_counter() - start) * 1e3
     height, width = picture.image.shape[:2]
     place = viewpoint(upload.fields, state.settings)
-    camera = place.fit(width, height, picture.focal_35mm)
+    camera = turned_camera(place.fit, width, height, picture.focal_35mm, picture.orientation)
     decision = pipeline.decide(Frame(picture.image, camera, place.pose))
     return replace(decision, timings_ms={"decode": decoded, **decision.timings_ms})
 

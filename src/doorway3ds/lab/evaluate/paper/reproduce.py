@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from doorway3ds.camera.choice import FitCamera
 from doorway3ds.camera.model import pixel_to_ray, rotation
 from doorway3ds.camera.presets import preset
 from doorway3ds.decide.paper import COLUMNS, FREE_BELOW_ROW, ROWS, UNIT_M, pixel_to_angle
 from doorway3ds.errors import UserError
-from doorway3ds.images.codec import SUFFIXES
+from doorway3ds.images.folder import images_in
 from doorway3ds.lab.datasets.readers import read_dataset
-from doorway3ds.lab.datasets.samples import FitCamera, Sample, load_frame
+from doorway3ds.lab.datasets.samples import Sample, load_frame
 from doorway3ds.lab.evaluate.classifier import ClassifierMetrics
 from doorway3ds.lab.evaluate.intervals import wilson
 from doorway3ds.lab.evaluate.metrics import Confusion, confusion
@@ -173,7 +174,7 @@ def read_pictures(path: Path, fit: FitCamera) -> tuple[Sample, ...]:
     that are neither open nor not.
     """
     if path.is_dir() and not any((path / name).is_file() for name in _MARKS):
-        files = sorted(f for f in path.iterdir() if f.suffix.lower() in SUFFIXES)
+        files = images_in(path)
     else:
         files = []
     if files:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.errors import CallError, UserError
-from doorway3ds.images.codec import SUFFIXES
+from doorway3ds.images.folder import images_in
 from doorway3ds.lab.datasets import places as groups
 from doorway3ds.lab.datasets.readers import read_dataset
 from doorway3ds.lab.datasets.samples import Sample, load_depth, load_frame
@@ -217,7 +217,7 @@ def _indexed(index: Path, root: Path, unit_m: float) -> list[Sample]:
 def _matched(path: Path, unit_m: float) -> list[Sample]:
     """Pictures of any folder whose depth has the same stem, or NAME_depth, or none."""
     images = next((path / n for n in ("images", "rgb", "image") if (path / n).is_dir()), path)
-    files = [f for f in sorted(images.rglob("*")) if f.suffix.lower() in SUFFIXES]
+    files = images_in(images, recursive=True)
     beside = images == path
     samples = []
     for file in files:

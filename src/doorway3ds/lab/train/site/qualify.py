@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from doorway3ds.camera.choice import FitCamera
 from doorway3ds.camera.model import Pose
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.files import write_bytes
@@ -26,8 +27,8 @@ from doorway3ds.lab.datasets.doors import (
     split_pictures,
 )
 from doorway3ds.lab.datasets.readers import CLASS_FOLDERS, guess_layout, read_dataset
-from doorway3ds.lab.datasets.samples import FitCamera, load_frame, with_camera
 from doorway3ds.lab.datasets.samples import Sample as Picture
+from doorway3ds.lab.datasets.samples import load_frame, with_camera
 from doorway3ds.lab.evaluate.direction import DirectionRecord
 from doorway3ds.lab.evaluate.runners import Label, methods_on, run_direction
 from doorway3ds.lab.train.doornet.data.samples import (
