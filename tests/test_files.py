@@ -36,3 +36,8 @@ def test_says_where_it_cannot_write(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(UserError, match=r"cannot write .*file/x: "):
         write_bytes(tmp_path / "file" / "x", b"")
+
+
+def test_a_name_may_be_as_long_as_the_file_system_allows(tmp_path: Path) -> None:
+    path = tmp_path / ("n" * 251 + ".bin")
+    assert write_bytes(path, b"whole").read_bytes() == b"whole"

@@ -17,7 +17,7 @@ from hypothesis.extra.numpy import arrays
 from PIL import Image
 
 from doorway3ds.errors import UserError
-from doorway3ds.images.codec import read_image, write_image
+from doorway3ds.images.codec import image_size, is_image, read_image, write_image
 from tests.pictures import FORMATS, encode, scene
 
 RED, BLUE = (230, 20, 20), (20, 20, 230)
@@ -219,6 +219,43 @@ def test_zero_sized_by_header() -> None:
 def test_the_pixel_limit_is_a_parameter() -> None:
     refused(encode(scene()), "at most 0.003 million", max_pixels=3000)
     assert read_image(encode(scene()), max_pixels=64 * 48).image.shape == (48, 64, 3)
+
+
+@pytest.mark.parametrize("orientation", [1, 3, 6])
+def test_phones_formats_are_read_whole_and_upright(orientation: int) -> None:
+    heif = pytest.importorskip("pillow_heif")
+    stored = {1: scene(), 3: np.rot90(scene(), 2), 6: np.rot90(scene(), 1)}[orientation]
+    stored = np.ascontiguousarray(stored)
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    heic, avif = io.BytesIO(), io.BytesIO()
+    file = heif.from_pillow(Image.fromarray(stored))
+    file.save(heic, quality=95, exif=exif.tobytes())
+    Image.fromarray(stored).save(avif, "AVIF", quality=95, exif=exif.tobytes())
+    for data in (heic.getvalue(), avif.getvalue()):
+        picture = read_image(data)
+        assert picture.image.shape == (48, 64, 3)
+        assert np.abs(picture.image.astype(int) - scene()).mean() < 6
+        assert picture.orientation == orientation
+        refused(data[: len(data) * 2 // 3])
+
+
+def test_heic_without_its_reader_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(name: str) -> None:
+        raise ModuleNotFoundError(name=name)
+
+    monkeypatch.setattr("doorway3ds.images.decode.import_module", missing)
+    refused(b"\0\0\0\x18ftypheic" + bytes(20), "is a HEIC file", "doorway3ds[heic]")
+
+
+def test_size_and_kind_are_known_without_decoding(tmp_path: Path) -> None:
+    path = tmp_path / "no-suffix"
+    path.write_bytes(encode(scene(), "JPEG", orientation=6))
+    assert (image_size(path), is_image(path)) == ((48, 64), True)
+    path.write_bytes(b"\0\0\0\x18ftypisom" + bytes(40))
+    assert not is_image(path)
+    with pytest.raises(UserError, match="no-suffix is a video file"):
+        image_size(path)
 
 
 def test_float_tiff_is_refused() -> None:

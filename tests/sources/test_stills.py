@@ -4,6 +4,7 @@ import io
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from doorway3ds.camera.model import Camera, Pose
@@ -125,3 +126,41 @@ def test_a_damaged_end_of_standard_input_is_counted() -> None:
 def test_standard_input_without_any_image_is_an_error(data: bytes) -> None:
     with pytest.raises(UserError, match="held no image"):
         list(open_source("-", stream=io.BytesIO(data)))
+
+
+def test_pictures_come_in_natural_order_from_folders_and_patterns(tmp_path: Path) -> None:
+    for number in (1, 2, 3, 10, 11, 20):
+        (tmp_path / f"{number}.png").write_bytes(encode(scene(), "PNG"))
+    for uri in (str(tmp_path), f"{tmp_path}/*.png"):
+        with open_source(uri) as source:
+            names = [Path(source.frame_name).stem for _ in source]
+        assert names == ["1", "2", "3", "10", "11", "20"]
+
+
+def test_a_picture_that_its_decoder_would_make_up_is_left_out_and_counted(tmp_path: Path) -> None:
+    data = encode(scene(320, 240))
+    (tmp_path / "1.jpg").write_bytes(data)
+    (tmp_path / "2.jpg").write_bytes(data[:2000] + data[2300:])
+    (tmp_path / "3.heic").write_bytes(b"\0\0\0\x18ftypheic" + bytes(40))
+    lines: list[str] = []
+    with open_source(str(tmp_path)) as source:
+        source.notice = lines.append
+        assert len(list(source)) == 1
+        assert source.damaged == 2
+    assert ["2.jpg is damaged" in lines[0], "3.heic is" in lines[1]] == [True, True]
+    piped = io.BytesIO(data + data[:2000] + data[2300:] + data)
+    with open_source("-", stream=piped) as source:
+        assert (len(list(source)), source.damaged) == (2, 1)
+
+
+def test_a_camera_turns_with_pictures_of_other_orientations(tmp_path: Path) -> None:
+    camera = Camera("phone", 64, 48, 56.0, 56.0, 35.0, 22.0)
+    for orientation in (1, 3, 6, 8):
+        upright = scene(48, 64) if orientation > 4 else scene(64, 48)
+        turns = {1: 0, 3: 2, 6: 1, 8: 3}[orientation]
+        stored = np.ascontiguousarray(np.rot90(upright, turns))
+        data = encode(stored, orientation=orientation)
+        (tmp_path / f"{orientation}.jpg").write_bytes(data)
+    with open_source(str(tmp_path), camera=camera) as source:
+        cameras = [frame.camera for frame in source]
+    assert [(c.cx, c.cy) for c in cameras] == [(35, 22), (28, 25), (25, 35), (22, 28)]

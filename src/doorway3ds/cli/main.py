@@ -101,7 +101,7 @@ def _run(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _warn(message: Warning | str, *where: object) -> None:
+def _warn(message: Warning | str, *_args: object, **_kwargs: object) -> None:
     sys.stderr.write(f"3ds: {message}\n")
 
 

@@ -13,11 +13,17 @@ from doorway3ds.images.codec import SUFFIXES
 _NAMED = SUFFIXES | {".gif", ".jxl", ".jp2"}
 
 
-def natural(path: str | os.PathLike[str]) -> tuple[tuple[tuple[int, int, str], ...], str]:
+_Part = tuple[tuple[int, int, str], ...]
+
+
+def natural(path: str | os.PathLike[str]) -> tuple[tuple[_Part, ...], str]:
     """A key that sorts 1, 2, 10 as numbers, folder by folder; equal numbers by their digits."""
-    name = os.fspath(path)
-    parts = re.split(r"([0-9]+)", name.replace(os.sep, "\0"))
-    return tuple((1, int(p), "") if i % 2 else (0, 0, p) for i, p in enumerate(parts)), name
+    return tuple(_part(part) for part in Path(path).parts), os.fspath(path)
+
+
+def _part(name: str) -> _Part:
+    pieces = re.split(r"([0-9]+)", name)
+    return tuple((1, int(p), "") if i % 2 else (0, 0, p) for i, p in enumerate(pieces))
 
 
 def images_in(folder: Path, recursive: bool = False) -> list[Path]:
