@@ -81,14 +81,18 @@ class Page:
     def until(self, what: Callable[[], object]) -> object:
         return wait_for(what, _SECONDS)
 
-    def give(self, data: bytes, event: str) -> None:
-        """A picture dropped on or pasted into the page."""
+    def give(self, data: bytes, event: str, *names: str) -> None:
+        """Files of these names (room.jpg), all of the same bytes, dropped on or pasted into the
+        page."""
         self.run(
             """
-            const [bytes, kind] = arguments;
-            const file = new File([new Uint8Array(bytes)], "room.jpg", { type: "image/jpeg" });
+            const [bytes, kind, names] = arguments;
             const transfer = new DataTransfer();
-            transfer.items.add(file);
+            const kinds = { jpg: "image/jpeg", md: "text/markdown" };
+            for (const name of names) {
+              const type = kinds[name.split(".").at(-1)] || "";
+              transfer.items.add(new File([new Uint8Array(bytes)], name, { type }));
+            }
             const event = kind === "drop"
               ? new DragEvent("drop", { dataTransfer: transfer, bubbles: true, cancelable: true })
               : new ClipboardEvent("paste", { clipboardData: transfer, bubbles: true });
@@ -96,7 +100,38 @@ class Page:
             """,
             list(data),
             event,
+            names or ("room.jpg",),
         )
+
+    def hide(self, hidden: bool) -> None:
+        """As if another tab came before this one, or went."""
+        self.run(
+            """
+            Object.defineProperty(document, "hidden", { value: arguments[0], configurable: true });
+            document.dispatchEvent(new Event("visibilitychange"));
+            """,
+            hidden,
+        )
+
+    def orders(self) -> list[str]:
+        """Whatever on the page could be taken for an order or for a fresh answer."""
+        found = self.run(
+            """
+            const said = (id) => document.getElementById(id).textContent;
+            const shown = (id) => !document.getElementById(id).hidden;
+            return [
+              said("headline").match(/^Turn|Facing/)?.[0],
+              said("turn") !== "–" && said("turn"),
+              said("chance-figure") !== "–" && said("chance-figure"),
+              document.querySelectorAll("#marks .m-best, #marks .m-way").length && "marks",
+              document.querySelectorAll("#dial .d-needle").length && "needle",
+              shown("pace") && said("pace"),
+              !document.getElementById("save-json").disabled && "save",
+              !("stale" in document.body.dataset) && "colours",
+            ].filter(Boolean);
+            """
+        )
+        return list(found)  # type: ignore[call-overload]
 
     def problems(self) -> list[str]:
         return [entry["message"] for entry in self.driver.get_log("browser")]

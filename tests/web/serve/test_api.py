@@ -225,3 +225,18 @@ def test_a_picture_with_too_many_pixels_is_refused(serve: Serve, photo: bytes) -
     answer = serve(limits={"max_pixels": 160 * 120 - 1}).client.post("/v1/decide", content=photo)
     assert answer.status_code == 400
     assert "too large" in answer.json()["error"]["message"]
+
+
+def test_the_pages_examples_are_those_of_the_project(shared: Served) -> None:
+    folder = Path(__file__).parents[3] / "examples"
+    for name in ("doorway", "blocked", "no-doorway"):
+        data = shared.client.get(f"/static/example-{name}.jpg").content
+        assert data == (folder / f"{name}.jpg").read_bytes()
+
+
+def test_an_error_of_a_picture_names_its_file(shared: Served) -> None:
+    name = "folder/READ\u2028ME\n.md"
+    answer = shared.client.post("/v1/decide", params={"name": name}, content=b"# Read me")
+    assert answer.status_code == 400
+    message = answer.json()["error"]["message"]
+    assert message.startswith("READ?ME?.md is not an image; expected one of")

@@ -62,14 +62,6 @@ def test_settings_decide_again(shared: Served, page: Page, photo: bytes) -> None
     assert page.problems() == []
 
 
-def test_what_is_no_picture_is_said(shared: Served, page: Page) -> None:
-    page.open(shared.url)
-    page.give(b"no picture at all", "drop")
-    page.until(lambda: "picture is not" in page.text("note") or "image" in page.text("note"))
-    assert page.marks() == 0
-    page.problems()  # the refused request is listed
-
-
 def test_both_downloads(shared: Served, page: Page, photo: bytes) -> None:
     page.open(shared.url)
     page.run(

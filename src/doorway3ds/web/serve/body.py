@@ -16,6 +16,7 @@ from doorway3ds.web.base.work import ClientGone
 from doorway3ds.web.serve.choice import DecideFields
 
 _MAX_FIELDS = 20
+_SHOWN = 60  # letters of a name in messages
 _MAX_FIELD_BYTES = 4096
 
 
@@ -32,6 +33,12 @@ class Upload:
     data: bytes
     name: str | None
     fields: DecideFields
+
+    @property
+    def shown(self) -> str:
+        """The name as an error's one line may hold it."""
+        name = (self.name or "").rpartition("/")[2]
+        return "".join(c if c.isprintable() else "?" for c in name)[:_SHOWN]
 
 
 async def read_upload(request: Request, fields: DecideFields) -> Upload:

@@ -87,7 +87,8 @@ async def _decide(
 def _look(upload: Upload, state: ServeState) -> Decision:
     pipeline = state.pipelines.get(upload.fields)
     start = time.perf_counter()
-    picture = read_image(upload.data, name="the image", max_pixels=state.settings.limits.max_pixels)
+    name = upload.shown or "the image"
+    picture = read_image(upload.data, name=name, max_pixels=state.settings.limits.max_pixels)
     decoded = (time.perf_counter() - start) * 1e3
     height, width = picture.image.shape[:2]
     place = viewpoint(upload.fields, state.settings)
@@ -180,7 +181,9 @@ def _event(kind: str, data: Any, number: int | None = None) -> bytes:
 
 
 def _snapshot(live: Live, frame: int | None) -> Snapshot:
-    snapshot = live.newest if frame is None else live.get(frame) or live.newest
+    snapshot = live.newest if frame is None else live.get(frame)
+    if snapshot is None and frame is not None and live.newest is not None:
+        raise ApiError(404, "frame_gone", f"the picture of frame {frame} is not kept any more")
     if snapshot is None:
         raise ApiError(
             503,

@@ -8,6 +8,8 @@ const SIGNS = {
   unsure: "M35 38a15 15 0 1 1 22 13q-7 4-7 12M50 79v.1",
   no_door: "M30 30L70 70M70 30L30 70",
   lost: "M50 24V56M50 77v.1",
+  silent: "M28 50h.1M50 50h.1M72 50h.1",
+  paused: "M38 28V72M62 28V72",
   none: "M34 78V22h32v56M34 22l18 7v52l-18-3",
 };
 const SAID_AGAIN_S = 2;
@@ -24,16 +26,23 @@ export function show(decision, belief) {
   facts(view.facts);
   depth(view.depth);
   timings(decision.timings_ms);
-  say(decision);
+  const turn = decision.turn_deg === null ? null : Math.round(decision.turn_deg / 5);
+  say(`${decision.reason} ${turn}`, `${view.headline}. ${view.sentence}`);
 }
 
-export function reset(headline, sentence, reason = "none") {
+// Another headline over the same figures.
+export function rename(headline, sentence, reason) {
   byId("answer").dataset.reason = reason;
   byId("headline").textContent = headline;
   byId("sentence").textContent = sentence;
+  sign(reason, null);
+  say(`${reason} ${headline}`, `${headline}. ${sentence}`, true);
+}
+
+export function reset(headline, sentence, reason = "none") {
+  rename(headline, sentence, reason);
   byId("chance-figure").textContent = "–";
   byId("chance-bar").style.width = "0";
-  sign(reason, null);
   facts([]);
   depth(null);
   byId("timings").textContent = "";
@@ -46,21 +55,28 @@ function sign(reason, turn) {
   );
 }
 
+// Written in place, and left alone while somebody selects them to copy.
 function facts(list) {
-  const rows = (list.length ? list : [{ label: "Nothing yet", value: "–", note: "" }]).map((fact) => {
-    const row = document.createElement("div");
-    row.className = "fact";
-    const cells = [["dt", fact.label, ""], ["dd", fact.value, ""]];
-    if (fact.note) cells.push(["dd", fact.note, "more"]);
-    for (const [name, words, kind] of cells) {
-      const cell = document.createElement(name);
-      cell.textContent = words;
-      cell.className = kind;
-      row.append(cell);
-    }
-    return row;
+  const shown = list.length ? list : [{ label: "Nothing yet", value: "–", note: "" }];
+  const box = byId("facts");
+  const selected = document.getSelection();
+  if (list.length && !selected.isCollapsed && box.contains(selected.anchorNode)) return;
+  while (box.children.length > shown.length) box.lastElementChild.remove();
+  shown.forEach((fact, i) => {
+    const row = box.children[i] || box.appendChild(emptyFact());
+    [fact.label, fact.value, fact.note].forEach((words, n) => {
+      if (row.children[n].textContent !== words) row.children[n].textContent = words;
+    });
+    row.children[2].hidden = !fact.note;
   });
-  byId("facts").replaceChildren(...rows);
+}
+
+function emptyFact() {
+  const row = document.createElement("div");
+  row.className = "fact";
+  row.append(...["dt", "dd", "dd"].map((name) => document.createElement(name)));
+  row.lastChild.className = "more";
+  return row;
 }
 
 function depth(found) {
@@ -79,11 +95,9 @@ function timings(stages) {
 }
 
 // A screen reader hears what changes the robot's turn, not every frame.
-function say(decision) {
+function say(key, words, atOnce = false) {
   const now = performance.now() / 1000;
-  const turn = decision.turn_deg === null ? null : Math.round(decision.turn_deg / 5);
-  const key = `${decision.reason} ${turn}`;
-  if (key === said.words || now - said.at < SAID_AGAIN_S) return;
+  if (key === said.words || (!atOnce && now - said.at < SAID_AGAIN_S)) return;
   said = { words: key, at: now };
-  byId("announce").textContent = `${decision.view.headline}. ${decision.view.sentence}`;
+  byId("announce").textContent = words;
 }

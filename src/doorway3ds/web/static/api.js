@@ -1,11 +1,14 @@
 // The server's routes. A failed answer becomes an ApiError with the server's own words.
 export class ApiError extends Error {
-  constructor(status, message, retryAfterS = 0) {
+  constructor(code, message, retryAfterS = 0) {
     super(message);
-    this.status = status;
+    this.code = code;
     this.retryAfterS = retryAfterS;
   }
 }
+
+const FRAME_MS = 5000;
+const DECIDE_MS = 20_000; // the server gives up before that
 
 export async function ask(url, options) {
   let answer;
@@ -13,14 +16,14 @@ export async function ask(url, options) {
     answer = await fetch(url, { credentials: "same-origin", ...options });
   } catch (error) {
     if (error.name === "AbortError") throw error;
-    throw new ApiError(0, "The server cannot be reached.", 2);
+    throw new ApiError("unreachable", "the server does not answer", 2);
   }
   if (answer.ok) return answer;
-  let words = `The server answered ${answer.status}.`;
+  let told = { code: "", message: `the server answered ${answer.status}` };
   try {
-    words = (await answer.json()).error.message;
+    told = (await answer.json()).error;
   } catch { /* no JSON: the status must do */ }
-  throw new ApiError(answer.status, words, Number(answer.headers.get("Retry-After") || 0));
+  throw new ApiError(told.code, told.message, Number(answer.headers.get("Retry-After") || 0));
 }
 
 function withFields(url, fields) {
@@ -37,14 +40,18 @@ const upload = (blob, signal) => ({
 
 export const info = async () => (await ask("/v1/info")).json();
 
-export const decide = async (blob, fields, signal) =>
-  (await ask(withFields("/v1/decide", { ...fields, view: "true" }), upload(blob, signal))).json();
+export const decide = async (blob, fields, stopped) => {
+  const signal = AbortSignal.any([AbortSignal.timeout(DECIDE_MS), ...(stopped ? [stopped] : [])]);
+  return (await ask(withFields("/v1/decide", { ...fields, view: "true" }), upload(blob, signal))).json();
+};
 
 export const annotate = async (blob, fields) =>
   (await ask(withFields("/v1/annotate", fields), upload(blob))).blob();
 
-export const frame = async (style, number, signal) =>
-  (await ask(withFields("/v1/frame.jpg", { style, frame: number }), { signal })).blob();
+export const frame = async (style, number) => {
+  const signal = AbortSignal.timeout(FRAME_MS);
+  return (await ask(withFields("/v1/frame.jpg", { style, frame: number }), { signal })).blob();
+};
 
 export const changeSource = async (fields) =>
   (await ask("/v1/source", {

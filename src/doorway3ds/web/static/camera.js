@@ -1,11 +1,13 @@
 // The browser's own camera: its picture is shown at its own pace, decisions follow as they come.
 const LONGER_SIDE = 640;
 const EVERY_MS = 100;
+const IDLE_MS = 200;
 
 export class Camera {
   constructor(video) {
     this.video = video;
     this.stream = null;
+    this.paused = false;
     this.facing = "environment";
     this.canvas = document.createElement("canvas");
   }
@@ -63,8 +65,8 @@ export class Camera {
     const { stream } = this;
     while (stream && this.stream === stream) {
       const start = performance.now();
-      const blob = document.hidden ? null : await this.snap();
-      const pause = blob ? await each(blob) : 0;
+      const blob = document.hidden || this.paused ? null : await this.snap();
+      const pause = blob ? await each(blob) : IDLE_MS;
       const left = Math.max(EVERY_MS - (performance.now() - start), pause || 0, 4);
       await new Promise((done) => setTimeout(done, left));
     }

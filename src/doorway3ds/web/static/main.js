@@ -2,21 +2,27 @@
 import * as answer from "./answer.js";
 import * as api from "./api.js";
 import { Camera } from "./camera.js";
+import { prepareShare, prepareTheme } from "./chrome.js";
 import * as dial from "./dial.js";
+import { chosen, prepareExamples, prepareFiles } from "./files.js";
+import { Watch } from "./fresh.js";
 import * as history from "./history.js";
+import { saveJson, savePicture } from "./save.js";
 import * as settings from "./settings.js";
 import { Source } from "./source.js";
 import * as stage from "./stage.js";
 import { byId } from "./svg.js";
-import { prepareShare, prepareTheme } from "./chrome.js";
+import { asSentence, shortened, why } from "./words.js";
 
-const photo = byId("photo");
+const NOTE_MS = 8000;
+const NO_IMAGE = { bad_image: true, no_image: true, too_large: true };
+const DECIDING_MS = 300; // before a picture on its way takes the place of the last answer
 const video = byId("video");
 const camera = new Camera(video);
-const source = new Source({ decision: showFrame, state: showState, problem: note });
-const now = { mode: "picture", blob: null, name: "picture", decision: null, info: null, request: null };
+const source = new Source({ decision: showFrame, state: showState, problem: lose });
+const watch = new Watch((reason) => lose(reason === "asleep" ? "This page was asleep." : silenceOf()));
+const now = { mode: "", frame: null, info: null, picture: null, request: null, source: null, paused: false };
 const pace = { last: 0, mean: 0 };
-
 const modes = byId("modes");
 const welcome = {
   picture: ["Drop a picture of a room here, paste one, or choose a file.", "Choose a picture", "JPEG, PNG, WebP, TIFF or BMP. A photograph's EXIF focal length is used."],
@@ -24,10 +30,21 @@ const welcome = {
   source: ["Waiting for the first picture of the source.", "", ""],
 };
 
+let noteTimer = 0;
 function note(words, bad = true) {
+  clearTimeout(noteTimer);
   byId("note").hidden = !words;
   byId("note").textContent = words || "";
   byId("note").toggleAttribute("data-bad", Boolean(words) && bad);
+  if (words) noteTimer = setTimeout(note, NOTE_MS);
+}
+
+// What the save buttons save: the frame in sight, with the settings that it was decided by.
+function keep(frame) {
+  now.frame = frame;
+  byId("save-json").disabled = !frame;
+  byId("save-picture").disabled = !frame;
+  byId("pause").disabled = !frame && !now.paused;
 }
 
 function empty() {
@@ -39,45 +56,64 @@ function empty() {
   byId("welcome-button").textContent = button;
   byId("welcome-button").hidden = !button || Boolean(problem);
   byId("welcome-fine").textContent = problem ? "" : fine;
-  photo.hidden = true;
+  byId("examples").hidden = now.mode !== "picture";
+  byId("photo").hidden = true;
+  byId("origin").hidden = true;
   video.hidden = true;
+  history.clear();
+  hush();
+}
+
+// Nothing on the page is an order any more.
+function hush() {
+  watch.rest();
   byId("pace").hidden = true;
+  pace.mean = 0;
   stage.clear();
   dial.draw(null);
-  history.clear();
-  keep(null, null);
+  keep(null);
 }
 
-// What the save buttons save.
-function keep(decision, blob) {
-  now.decision = decision;
-  now.blob = blob;
-  byId("save-json").disabled = !decision;
-  byId("save-picture").disabled = !decision;
+function lose(words, headline = "No answer") {
+  if (now.paused) return;
+  document.body.dataset.stale = "";
+  hush();
+  answer.reset(headline, words, "silent");
 }
 
-function show(decision, belief = decision.p_open) {
+function silenceOf() {
+  if (now.mode === "source" && now.source?.problem) return asSentence(now.source.problem);
+  return "Nothing new has come; what was seen last is out of date.";
+}
+
+// Picture, marks, answer and dial change in one paint: nothing is waited for in between.
+async function show(decision, frame, stillWanted, belief = decision.p_open) {
+  const photo = await stage.photo(frame.blob);
+  if (!stillWanted() || now.paused) return false;
+  delete document.body.dataset.stale;
   byId("welcome").hidden = true;
   stage.fit(decision.view.width, decision.view.height);
+  stage.put(photo);
   answer.show(decision, belief);
   dial.draw(decision);
   stage.draw(decision);
   history.add(belief);
+  origin(frame.name);
+  keep({ ...frame, decision });
+  return true;
 }
 
-function showPhoto(blob) {
-  const url = URL.createObjectURL(blob);
-  const old = photo.src;
-  photo.src = url;
-  photo.hidden = false;
-  if (old.startsWith("blob:")) URL.revokeObjectURL(old);
-  return photo.decode().catch(() => {});
+function origin(name) {
+  const words = now.mode === "source" ? now.info.source.name : now.mode === "camera" ? "This camera" : name;
+  byId("origin").hidden = false;
+  byId("origin").textContent = byId("origin").title = words;
 }
 
 function tick(decision) {
   const at = performance.now();
   const gap = at - pace.last;
   pace.last = at;
+  watch.seen();
   if (gap > 3000) { pace.mean = 0; return; }
   pace.mean = pace.mean ? 0.85 * pace.mean + 0.15 * gap : gap;
   const spent = Object.values(decision.timings_ms).reduce((sum, ms) => sum + ms, 0);
@@ -87,31 +123,46 @@ function tick(decision) {
 
 // --- A picture
 
-async function decideOn(blob, name) {
+async function decideOn(blob, name, remark = "") {
   now.request?.abort();
-  now.request = new AbortController();
-  note("Deciding …", false);
-  byId("welcome").hidden = true;
+  const request = (now.request = new AbortController());
+  const fields = settings.fields();
+  const again = blob === now.picture?.blob;
+  now.picture = { blob, name };
+  note("");
+  const waiting = setTimeout(() => lose(shortened(name), "Deciding …"), DECIDING_MS);
   try {
-    const decision = await api.decide(blob, { ...settings.fields(), name: name.slice(0, 255) }, now.request.signal);
-    await showPhoto(blob);
-    if (now.mode !== "picture") return;
-    now.name = name;
-    keep(decision, blob);
+    const decision = await api.decide(blob, { ...fields, name: name.slice(0, 255) }, request.signal);
     history.clear();
-    show(decision);
-    note("");
+    await show(decision, { blob, name, fields }, () => now.request === request);
+    note(remark, false);
   } catch (error) {
-    if (error.name === "AbortError") return;
-    if (!now.decision) empty();
-    note(error.message);
+    if (now.request !== request) return;
+    if (!again) empty();
+    if (NO_IMAGE[error.code]) now.picture = null;
+    lose(why(error, name));
+  } finally {
+    clearTimeout(waiting);
   }
 }
 
-function take(file) {
-  if (!file) return;
+function take(files) {
+  if (!files?.length) return;
+  const { file, remark, problem } = chosen([...files]);
+  if (!file) {
+    if (now.mode !== "picture") { note(problem); return; }
+    forget();
+    empty();
+    lose(problem);
+    return;
+  }
   setMode("picture");
-  decideOn(file, file.name || "pasted");
+  decideOn(file, file.name || "pasted", remark);
+}
+
+function forget() {
+  now.request?.abort();
+  now.request = now.picture = null;
 }
 
 // --- The browser's camera
@@ -122,50 +173,54 @@ async function startCamera(start = () => camera.start()) {
   } catch (error) {
     camera.stop();
     empty();
-    const reasons = { NotAllowedError: "The camera was not allowed.", NotFoundError: "There is no camera." };
-    note(reasons[error.name] || `The camera did not start: ${error.message}`);
+    const reasons = {
+      NotAllowedError: "The browser was not allowed to use the camera.",
+      NotFoundError: "This device has no camera.",
+      NotReadableError: "Another program is using the camera.",
+    };
+    lose(reasons[error.name] || `The camera did not start: ${error.message}`);
+    buttons();
     return;
   }
-  note("");
   video.hidden = false;
-  photo.hidden = true;
+  byId("photo").hidden = true;
+  byId("welcome").hidden = true;
+  delete byId("stage").dataset.empty;
   buttons();
   byId("switch").hidden = !(await camera.several());
+  const wanted = () => now.mode === "camera" && camera.running && !document.hidden;
   await camera.follow(async (blob) => {
+    const fields = settings.fields();
     try {
-      const decision = await api.decide(blob, { ...settings.fields(), name: "camera.jpg" });
-      if (now.mode !== "camera" || !camera.running) return 0;
-      now.name = "camera";
-      keep(decision, blob);
-      show(decision);
-      tick(decision);
-      note("");
+      const decision = await api.decide(blob, { ...fields, name: "camera.jpg" });
+      if (await show(decision, { blob, name: "camera", fields }, wanted)) tick(decision);
       return 0;
     } catch (error) {
-      note(error.message);
+      if (wanted()) lose(why(error));
       return 1000 * (error.retryAfterS || 1);
     }
   });
+  if (now.mode === "camera" && !camera.running) lose("The camera is off.", "Stopped");
   buttons();
 }
 
 // --- The server's source
 
-async function showFrame(decision, blob) {
-  await showPhoto(blob);
-  if (now.mode !== "source") return;
-  now.name = `frame-${decision.frame}`;
-  keep(decision, blob);
+async function showFrame(decision, blob, stillWanted) {
   // What is remembered from frame to frame outranks what this one alone would say.
   const { belief, ...tracked } = decision.tracked;
-  show({ ...decision, ...tracked }, belief);
-  tick(decision);
+  const frame = { blob, name: `frame-${decision.frame}`, number: decision.frame, told: decision };
+  const wanted = () => stillWanted() && !document.hidden && !GONE[now.source?.state];
+  if (await show({ ...decision, ...tracked }, frame, wanted, belief)) tick(decision);
 }
 
+const GONE = { ended: "Ended", lost: "No answer", stopped: "No answer" };
+
 function showState(state) {
-  const words = { ended: "The source has ended.", lost: state.problem, waiting: state.problem };
-  note(words[state.state] || "", state.state !== "ended");
-  if (state.state !== "running") byId("pace").hidden = true;
+  now.source = state;
+  const headline = GONE[state.state];
+  if (headline) lose(state.state === "ended" ? "The source has ended." : silenceOf(), headline);
+  else if (state.state === "waiting" && !now.frame) lose(silenceOf());
 }
 
 // --- What is looked at
@@ -177,8 +232,10 @@ function setMode(mode) {
   modes.querySelector(`[value="${mode}"]`).checked = true;
   camera.stop();
   source.stop();
-  now.request?.abort();
+  forget();
+  resume();
   note("");
+  delete document.body.dataset.stale;
   answer.reset("Ready", welcome[mode][0]);
   empty();
   buttons();
@@ -187,91 +244,65 @@ function setMode(mode) {
 
 function buttons() {
   byId("choose").hidden = now.mode !== "picture";
+  byId("pause").hidden = now.mode !== "source" && !(now.mode === "camera" && camera.running);
+  byId("pause").textContent = now.paused ? "Go on" : "Pause";
   byId("toggle").hidden = now.mode !== "camera" || Boolean(Camera.problem());
   byId("toggle").textContent = camera.running ? "Stop" : "Start the camera";
   if (!camera.running) byId("switch").hidden = true;
 }
 
+// Holds one frame, so that both files saved are of it; it is a record then, not an order.
+function pause() {
+  const { decision, number } = now.frame;
+  now.paused = camera.paused = source.paused = true;
+  watch.rest();
+  byId("pace").hidden = true;
+  document.body.dataset.paused = "";
+  answer.rename("Paused", `This frame: ${decision.view.headline}. ${decision.view.sentence}`, "paused");
+  // The server keeps a frame's picture only for a moment.
+  if (number !== undefined) now.frame.page = api.frame("page", number).catch(() => null);
+  buttons();
+}
+
+function resume() {
+  if (!now.paused) return;
+  now.paused = camera.paused = source.paused = false;
+  delete document.body.dataset.paused;
+  lose("Waiting for the next picture.");
+  if (now.mode === "source" && GONE[now.source?.state]) showState(now.source);
+  buttons();
+}
+
 function toggleCamera() {
   if (camera.running) {
+    resume();
     camera.stop();
-    // The last picture stays, with what was said of it.
-    if (now.blob) showPhoto(now.blob).then(() => { video.hidden = true; });
-    byId("pace").hidden = true;
+    lose("The camera is off.", "Stopped");
     buttons();
   } else {
     startCamera();
   }
 }
 
-// --- Saving
-
-function save(blob, name) {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(blob);
-  link.download = name;
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
-}
-
-const stem = () => now.name.replace(/\.[^.]*$/, "") || "picture";
-
-function saveJson() {
-  const { view, ...decision } = now.decision;
-  save(new Blob([JSON.stringify(decision, null, 2)], { type: "application/json" }), `${stem()}_3ds.json`);
-}
-
-async function savePicture() {
-  const { blob, decision } = now;
-  try {
-    const page = now.mode === "source"
-      ? await api.frame("page", decision.frame)
-      : await api.annotate(blob, settings.fields());
-    save(page, `${stem()}_3ds.jpg`);
-  } catch (error) {
-    note(error.message);
-  }
-}
-
 // --- What people do
 
 modes.addEventListener("change", (event) => setMode(event.target.value));
-byId("choose").addEventListener("click", () => byId("file").click());
-byId("file").addEventListener("change", (event) => {
-  take(event.target.files[0]);
-  event.target.value = "";
-});
 byId("welcome-button").addEventListener("click", () =>
   (now.mode === "camera" ? startCamera() : byId("file").click()));
 byId("toggle").addEventListener("click", toggleCamera);
 byId("switch").addEventListener("click", () => startCamera(() => camera.turnAround()));
-byId("save-json").addEventListener("click", saveJson);
-byId("save-picture").addEventListener("click", savePicture);
-
-const pictureOf = (transfer) => [...(transfer?.files || [])].find((f) => f.type.startsWith("image/"));
-document.addEventListener("paste", (event) => take(pictureOf(event.clipboardData)));
-document.addEventListener("dragover", (event) => {
-  event.preventDefault();
-  byId("stage").classList.add("dragging");
-});
-document.addEventListener("dragleave", (event) => {
-  if (!event.relatedTarget) byId("stage").classList.remove("dragging");
-});
-document.addEventListener("drop", (event) => {
-  event.preventDefault();
-  byId("stage").classList.remove("dragging");
-  const file = pictureOf(event.dataTransfer);
-  if (file) take(file);
-  else note("That is no picture.");
-});
+byId("pause").addEventListener("click", () => (now.paused ? resume() : pause()));
+byId("save-json").addEventListener("click", () => saveJson(now.frame));
+byId("save-picture").addEventListener("click", () => savePicture(now.frame).catch((error) => note(why(error))));
+document.addEventListener("visibilitychange", () => document.hidden || source.next());
 
 async function changed(fields) {
   try {
     if (now.mode === "source") await api.changeSource(numbers(fields));
-    else if (now.mode === "picture" && now.blob) await decideOn(now.blob, now.name);
+    else if (now.picture) await decideOn(now.picture.blob, now.picture.name);
     settings.problem("");
   } catch (error) {
-    settings.problem(error.message);
+    settings.problem(why(error));
   }
 }
 
@@ -284,13 +315,14 @@ async function begin() {
   try {
     now.info = await api.info();
   } catch (error) {
-    note(error.message);
+    lose(why(error));
     return;
   }
   settings.prepare(now.info, changed);
   prepareShare(now.info.link);
+  prepareFiles(take);
+  prepareExamples(take);
   byId("version").textContent = `doorway3ds ${now.info.version}`;
-  now.mode = "";
   if (now.info.source) {
     byId("mode-source").hidden = false;
     byId("mode-source").title = now.info.source.name;

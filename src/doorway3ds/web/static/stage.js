@@ -6,6 +6,7 @@ const marks = byId("marks");
 const tags = byId("tags");
 const layers = byId("layers");
 const depthLayer = byId("depth-layer");
+const DECODE_MS = 2000;
 let last = null;
 
 const on = (name) => layers.querySelector(`[value="${name}"]`).checked;
@@ -17,6 +18,24 @@ export function clear() {
   marks.replaceChildren();
   tags.replaceChildren();
   depthLayer.hidden = true;
+}
+
+// A decoded picture that can be put on the stage without waiting for anything.
+export async function photo(blob) {
+  const image = new Image();
+  image.id = "photo";
+  image.alt = "The picture that is decided on";
+  image.src = URL.createObjectURL(blob);
+  // Browsers read fewer kinds than the server, and may leave a page out of sight waiting.
+  const late = new Promise((done) => setTimeout(done, DECODE_MS));
+  await Promise.race([image.decode().catch(() => {}), late]);
+  return image;
+}
+
+export function put(image) {
+  const old = byId("photo");
+  old.replaceWith(image);
+  if (old.src.startsWith("blob:")) URL.revokeObjectURL(old.src);
 }
 
 export function fit(width, height) {
