@@ -17,23 +17,20 @@ Metadata: `canonical_f_px`, `depth_error` (relative standard deviation), and if 
 
 from __future__ import annotations
 
-import json
 import math
 import os
-import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Camera
+from doorway3ds.networks.adapter import Answer, OnnxNetwork, resized
 from doorway3ds.networks.base import COLUMNS, DEPTH, FLOOR, P_OPEN
 from doorway3ds.networks.costs import Costs, weigh
 from doorway3ds.networks.limits import override
-from doorway3ds.networks.session import Session
 from doorway3ds.types import ColumnVotes, Perception
 
 PIXELS = 192 * 256
@@ -82,9 +79,7 @@ def prepare(image: NDArray[np.uint8], at: Placement) -> NDArray[np.float32]:
     height, width = image.shape[:2]
     size = (at.content_width, at.content_height)
     if (width, height) != size:
-        shrinks = at.content_width * at.content_height < width * height
-        method = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
-        image = np.asarray(cv2.resize(image, size, interpolation=method), np.uint8)
+        image = resized(image, *size)
     if size != (at.width, at.height):
         right = at.width - at.left - at.content_width
         bottom = at.height - at.top - at.content_height
@@ -92,35 +87,17 @@ def prepare(image: NDArray[np.uint8], at: Placement) -> NDArray[np.float32]:
     return np.ascontiguousarray(image.transpose(2, 0, 1)[None], np.float32)
 
 
-class DoorNet:
-    """The packaged network, or another file of its signature.
+class DoorNet(OnnxNetwork):
+    """The packaged network, or another file of its signature."""
 
-    Raises UserError where the file is missing, damaged or of another signature.
-    """
+    default_name = "doornet"
+    gives = frozenset({P_OPEN, COLUMNS, DEPTH, FLOOR})
+    shapes = ((1, 3, None, None),)
+    outputs = ("p_open", "score", "left", "right", "depth", "floor")
+    optional = ("clear",)
 
-    gives: ClassVar[frozenset[str]] = frozenset({P_OPEN, COLUMNS, DEPTH, FLOOR})
-    outputs: ClassVar[tuple[str, ...]] = ("p_open", "score", "left", "right", "depth", "floor")
-    optional: ClassVar[tuple[str, ...]] = ("clear",)
-
-    def __init__(
-        self,
-        path: str | os.PathLike[str],
-        *,
-        name: str = "doornet",
-        sha256: str | None = None,
-        threads: int | None = None,
-        providers: Sequence[str] | None = None,
-    ) -> None:
-        self.name = name
-        self.session = Session(
-            path,
-            [(1, 3, None, None)],
-            self.outputs,
-            self.optional,
-            sha256=sha256,
-            threads=threads,
-            providers=providers,
-        )
+    def __init__(self, path: str | os.PathLike[str], **options: Any) -> None:
+        super().__init__(path, **options)
         self.metadata = self._read_metadata()
         self.thresholds: Mapping[str, Any] = self.metadata.get("thresholds") or {}
         self._costs = override(Costs(), self.metadata.get("costs") or {})
@@ -128,23 +105,21 @@ class DoorNet:
         self._depth_error = float(self.metadata["depth_error"])
 
     def _read_metadata(self) -> Mapping[str, Any]:
-        text = self.session.metadata.get("doorway3ds", "")
-        expected = "as JSON with canonical_f_px > 0 and depth_error >= 0"
+        metadata = self.own_metadata()
         try:
-            metadata: Any = json.loads(text)
             if metadata["canonical_f_px"] > 0 and metadata["depth_error"] >= 0:
                 return dict(metadata)
-        except (ValueError, TypeError, KeyError):
+        except (TypeError, KeyError):
             pass
-        raise self.session.misfit("doorway3ds", f"in its metadata {expected}", repr(text[:80]))
+        expected = "in its metadata as JSON with canonical_f_px > 0 and depth_error >= 0"
+        text = self.session.metadata.get("doorway3ds", "")
+        raise self.session.misfit("doorway3ds", expected, repr(text[:80]))
 
-    def __call__(self, image: NDArray[np.uint8], camera: Camera) -> Perception:
-        start = time.perf_counter()
-        height, width = image.shape[:2]
+    def prepare(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
+        return prepare(image, place(image.shape[1], image.shape[0]))
+
+    def read(self, answer: Answer, camera: Camera, width: int, height: int) -> Perception:
         at = place(width, height)
-        tensor = prepare(image, at)
-        prepared = time.perf_counter()
-        answer = self.session.run(tensor)
         # Depth is as far as the focal length is long, both in pixels of this input.
         focal = camera.fx * at.content_width / width
         depth = self._map(answer, "depth", at) * np.float32(focal / self._canonical_f_px)
@@ -155,16 +130,9 @@ class DoorNet:
             depth_m=depth,
             floor=_sigmoid(self._map(answer, "floor", at)),
             depth_error=self._depth_error,
-            network=self.name,
-            timings_ms={
-                "prepare": (prepared - start) * 1e3,
-                "network": (time.perf_counter() - prepared) * 1e3,
-            },
         )
 
-    def _columns(
-        self, answer: Mapping[str, NDArray[np.float32]], at: Placement, width: int
-    ) -> ColumnVotes:
+    def _columns(self, answer: Answer, at: Placement, width: int) -> ColumnVotes:
         names = [key for key in ("score", "left", "right", "clear") if key in answer]
         shapes = {answer[key].shape for key in names}
         shape = next(iter(shapes))
@@ -188,9 +156,7 @@ class DoorNet:
             clear=_sigmoid(answer["clear"][0, strip]) if "clear" in answer else None,
         )
 
-    def _map(
-        self, answer: Mapping[str, NDArray[np.float32]], key: str, at: Placement
-    ) -> NDArray[np.float32]:
+    def _map(self, answer: Answer, key: str, at: Placement) -> NDArray[np.float32]:
         """One (h', w') map without its padding."""
         value = answer[key]
         if value.ndim != 3 or value.shape[0] != 1:

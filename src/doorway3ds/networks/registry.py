@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import functools
+import importlib
 import json
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.files import write_bytes
@@ -251,22 +252,23 @@ def _load_one(name: str, threads: int | None) -> Network:
 
             spec = parse(card.more["depth"], card.file or path)
             return DepthFile(path, spec, name=name, sha256=card.sha256, threads=threads)
-        return _adapter(kind_of(path))(path, name=name, sha256=card.sha256, threads=threads)
-    model = find(name)
-    found = model.found()
-    if found is None:
-        raise UserError(f"network {name} has no file {model.path}; to get it: {model.make}")
-    # The card first: a user's own fetched file replaces what the registry knows.
-    sha256 = read_card(found).sha256 or model.sha256
-    return _adapter(name)(found, name=name, sha256=sha256, threads=threads)
+        kind, sha256 = kind_of(path), card.sha256
+    else:
+        model, found = find(name), find(name).found()
+        if found is None:
+            raise UserError(f"network {name} has no file {model.path}; to get it: {model.make}")
+        # The card first: a user's own fetched file replaces what the registry knows.
+        kind, path, sha256 = name, found, read_card(found).sha256 or model.sha256
+    network: Network = _adapter(kind)(path, name=name, sha256=sha256, threads=threads)
+    return network
 
 
 def kind_of(path: Path) -> str:
     """Which adapter an ONNX file is for, by the names of its outputs."""
     names = set(signature(path).outputs)
     for kind in _SIGNED:
-        adapter: Any = _adapter(kind)
-        if set(adapter.outputs) == names - set(getattr(adapter, "optional", ())):
+        adapter = _adapter(kind)
+        if set(adapter.outputs) == names - set(adapter.optional):
             return kind
     raise UserError(
         f"network file {path} has another signature: expected outputs of one of "
@@ -275,32 +277,19 @@ def kind_of(path: Path) -> str:
     )
 
 
-class _Adapter(Protocol):
-    """What makes a network of a file."""
-
-    def __call__(
-        self, path: Path, *, name: str, sha256: str | None, threads: int | None = None
-    ) -> Network: ...
-
-
-# Networks whose file is known by its outputs alone.
-_SIGNED = ("doornet", "cnn-srin", "densedepth")
+# Networks whose file is known by its outputs alone: module and class of each adapter.
+_SIGNED = {
+    "doornet": ("doornet", "DoorNet"),
+    "cnn-srin": ("cnn_srin", "CnnSrin"),
+    "densedepth": ("densedepth", "DenseDepth"),
+}
 
 
-def _adapter(name: str) -> _Adapter:
-    """The adapter of a registered name."""
+def _adapter(name: str) -> Any:
+    """What makes a network of a registered name from its file; see `adapter.OnnxNetwork`."""
     if name in presets.PRESETS:
         from doorway3ds.networks.depth.file import DepthFile
 
         return functools.partial(DepthFile, spec=presets.PRESETS[name])
-    if name == "doornet":
-        from doorway3ds.networks.doornet import DoorNet
-
-        return DoorNet
-    if name == "cnn-srin":
-        from doorway3ds.networks.cnn_srin import CnnSrin
-
-        return CnnSrin
-    from doorway3ds.networks.densedepth import DenseDepth
-
-    return DenseDepth
+    module, adapter = _SIGNED[name]
+    return getattr(importlib.import_module(f"doorway3ds.networks.{module}"), adapter)

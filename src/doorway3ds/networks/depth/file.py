@@ -12,8 +12,6 @@ from __future__ import annotations
 
 import math
 import os
-import time
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,8 +20,8 @@ from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Camera
 from doorway3ds.errors import UserError
+from doorway3ds.networks.adapter import Answer, OnnxNetwork, squeeze
 from doorway3ds.networks.base import DEPTH, RELATIVE
-from doorway3ds.networks.cnn_srin import squeeze
 from doorway3ds.networks.depth.spec import INVERSE, METRES, RELATIVE_INVERSE, DepthSpec
 from doorway3ds.networks.session import Session, Shape, Signature, signature, verify
 from doorway3ds.types import Perception, RelativeDepth
@@ -32,11 +30,8 @@ from doorway3ds.types import Perception, RelativeDepth
 PLAUSIBLE_M = (0.02, 60.0)
 
 
-class DepthFile:
-    """A depth network from an ONNX file and its spec.
-
-    Raises UserError where the file is missing, damaged, or does not fit the spec.
-    """
+class DepthFile(OnnxNetwork):
+    """A depth network from an ONNX file and its spec, which the file must fit."""
 
     def __init__(
         self,
@@ -46,7 +41,6 @@ class DepthFile:
         name: str | None = None,
         sha256: str | None = None,
         threads: int | None = None,
-        providers: Sequence[str] | None = None,
     ) -> None:
         path = Path(path)
         self.name = name or path.stem
@@ -61,38 +55,12 @@ class DepthFile:
             input_name=_only("input", spec.input, tuple(seen.inputs), path),
             spare=True,
             threads=threads,
-            providers=providers,
         )
         self._plausible = spec.relative
 
-    def __call__(self, image: NDArray[np.uint8], camera: Camera) -> Perception:
-        start = time.perf_counter()
-        height, width = image.shape[:2]
-        size = self.spec.size_for(width, height)
-        tensor = self._prepare(image, size)
-        prepared = time.perf_counter()
-        (raw,) = self.session.run(tensor).values()
-        shape = tuple(n for n in raw.shape if n != 1)
-        if len(shape) != 2:
-            raise self.session.misfit(self.session.outputs[0], "to be one map", raw.shape)
-        value = raw.reshape(shape) * np.float32(self.spec.factor)
-        seen = Perception(
-            p_open=math.nan,
-            depth_error=self.spec.depth_error,
-            network=self.name,
-            timings_ms={
-                "prepare": (prepared - start) * 1e3,
-                "network": (time.perf_counter() - prepared) * 1e3,
-            },
-        )
-        if self.spec.relative:
-            shifted = self.spec.unit == RELATIVE_INVERSE
-            inverse = value if shifted else _inverse(value)
-            return replace(seen, relative=RelativeDepth(inverse, shifted))
-        return replace(seen, depth_m=self._metres(value, camera, size))
-
-    def _prepare(self, image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.float32]:
+    def prepare(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
         spec = self.spec
+        size = spec.size_for(image.shape[1], image.shape[0])
         if spec.channels == "bgr":
             image = image[..., ::-1]
         # By channel value = a * pixel + b, a and b worked out before any pixel is touched.
@@ -105,6 +73,20 @@ class DepthFile:
         if spec.layout == "nhwc":
             return tensor
         return np.ascontiguousarray(tensor.transpose(0, 3, 1, 2))
+
+    def read(self, answer: Answer, camera: Camera, width: int, height: int) -> Perception:
+        (raw,) = answer.values()
+        shape = tuple(n for n in raw.shape if n != 1)
+        if len(shape) != 2:
+            raise self.session.misfit(self.session.outputs[0], "to be one map", raw.shape)
+        value = raw.reshape(shape) * np.float32(self.spec.factor)
+        seen = Perception(math.nan, depth_error=self.spec.depth_error)
+        if self.spec.relative:
+            shifted = self.spec.unit == RELATIVE_INVERSE
+            inverse = value if shifted else _inverse(value)
+            return replace(seen, relative=RelativeDepth(inverse, shifted))
+        size = self.spec.size_for(width, height)
+        return replace(seen, depth_m=self._metres(value, camera, size))
 
     def _metres(
         self, value: NDArray[np.float32], camera: Camera, size: tuple[int, int]

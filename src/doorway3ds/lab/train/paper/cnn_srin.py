@@ -22,7 +22,8 @@ from doorway3ds.lab.datasets.samples import Sample, load_frame
 from doorway3ds.lab.train.engine import checkpoint
 from doorway3ds.lab.train.engine.backend import device_of, start
 from doorway3ds.lab.train.paper.published import Layers, assign, read_layers
-from doorway3ds.networks.cnn_srin import SIDE, squeeze
+from doorway3ds.networks.adapter import squeeze
+from doorway3ds.networks.cnn_srin import SIDE
 
 HIDDEN = 1024
 FEATURES = 512

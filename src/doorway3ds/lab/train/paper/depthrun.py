@@ -25,7 +25,7 @@ from doorway3ds.lab.train.onnx.file import export
 from doorway3ds.lab.train.paper import densedepth
 from doorway3ds.lab.train.paper.densedepth import SETTINGS, Setting
 from doorway3ds.lab.train.paper.depthpairs import DepthPairs, split_pairs, target
-from doorway3ds.networks.cnn_srin import squeeze
+from doorway3ds.networks.adapter import squeeze
 
 # As the published code: half of the pictures mirrored, half with the channels in another order.
 MIRRORED, RECOLOURED = 0.5, 0.5
