@@ -300,7 +300,7 @@ def _network(name: str, k: int | None, needs: Sequence[str] = ()) -> Network:
 def _progress(samples: Sequence[Sample]) -> Iterator[Sample]:
     with Progress(len(samples)) as bar:
         for done, sample in enumerate(samples):
-            bar.show(done)
+            bar(done)
             yield sample
 
 

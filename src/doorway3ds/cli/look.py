@@ -83,7 +83,7 @@ def look(
     start = time.monotonic()
     with Progress(len(inputs)) as progress:
         for done, image in enumerate(inputs):
-            progress.show(done)
+            progress(done)
             try:
                 decision, line = job.decide(image)
                 progress.clear()

@@ -20,7 +20,8 @@ from doorway3ds.cli.shared.options import (
     PlacesFile,
     TrainThreads,
 )
-from doorway3ds.cli.shared.training import Count, Watch, command_line, say
+from doorway3ds.cli.shared.progress import Progress
+from doorway3ds.cli.shared.training import Watch, command_line, say
 from doorway3ds.errors import CallError
 
 _STOPPED = 130
@@ -74,6 +75,8 @@ def qualify(
         raise CallError(f"--out is the site model's file, such as site.onnx, got {out}")
     if not learning_rate > 0:
         raise CallError(f"--learning-rate must be above 0, got {learning_rate:g}")
+    from doorway3ds.lab.datasets.places import Choice
+    from doorway3ds.lab.datasets.readers import read_places
     from doorway3ds.lab.train.engine import backend as engine
     from doorway3ds.lab.train.engine import outcome
     from doorway3ds.lab.train.site.fit import TuneOptions
@@ -85,18 +88,15 @@ def qualify(
     start = network_file(network)
     options = CameraOptions(camera, fov_deg)
     chosen = None if options == CameraOptions() else options.resolve()
-    count = Count()
+    count = Progress()
     try:
         pictures = read_site(
             folder,
-            places=_places(places),
-            grouping=group,
-            pattern=group_pattern,
-            half_open=half_open,
+            Choice(group, group_pattern, half_open),
+            places=None if places is None else read_places(places),
             camera=None if chosen is None else (chosen.fit, chosen.pose),
             seen=count,
         )
-        count.clear()
         parts = part(pictures, hold_out, seed)
         say(
             f"{len(pictures.samples)} pictures, {len(set(pictures.groups))} places by "
@@ -159,12 +159,6 @@ class _Brief(Watch):
 
     def epoch(self, row: dict[str, float]) -> None:
         super().epoch({name: row[name] for name in ("epoch", "loss", "val_loss")})
-
-
-def _places(path: Path | None) -> dict[str, str] | None:
-    from doorway3ds.lab.datasets.readers import read_places
-
-    return None if path is None else read_places(path)
 
 
 def _write_json(card: dict[str, object], path: Path | None) -> None:

@@ -25,16 +25,16 @@ from doorway3ds.cli.shared.options import (
     Validation,
     Weights,
 )
+from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.tables import print_tables
-from doorway3ds.cli.shared.training import Count, Watch, command_line, say
+from doorway3ds.cli.shared.training import Watch, command_line, say
 from doorway3ds.errors import CallError
 
 if TYPE_CHECKING:
     from doorway3ds.lab.datasets.doors import DoorPictures
     from doorway3ds.lab.evaluate.paper.reproduce import Answer
     from doorway3ds.lab.evaluate.report.html import Report
-    from doorway3ds.lab.train.paper.srinepochs import EpochScores
-    from doorway3ds.lab.train.paper.srinrun import SrinOptions
+    from doorway3ds.lab.train.paper.srinrun import EpochScores, SrinOptions
 
 
 def reproduce(
@@ -104,22 +104,18 @@ def reproduce(
     scored, curve = None, b""
     if dataset is not None and out is not None:
         from doorway3ds.lab.datasets.doors import read_door_pictures
+        from doorway3ds.lab.datasets.places import Choice
         from doorway3ds.lab.datasets.readers import read_places
         from doorway3ds.lab.train.paper.srinrun import SrinOptions
 
-        count = Count()
-        found = read_door_pictures(
-            dataset,
-            layout=layout,
-            places=None if places is None else read_places(places),
-            grouping=group,
-            pattern=group_pattern,
-            half_open=half_open,
-            limit=limit,
-            seed=seed,
-            seen=count,
-        )
-        count.clear()
+        with Progress() as seen:
+            found = read_door_pictures(
+                dataset,
+                Choice(group, group_pattern, half_open, limit, seed),
+                layout=layout,
+                places=None if places is None else read_places(places),
+                seen=seen,
+            )
         options = SrinOptions(weights=weights, validation=validation, seed=seed)
         trained = _train(found, options, out / "cnn-srin")
         facts |= {
@@ -151,10 +147,8 @@ def _answers(
         options = CameraOptions(fov_deg=printed.FOV_DEG)
     samples = tables.read_pictures(folder, options.resolve().fit)
     pipeline = build_pipeline("paper", network, None, None, threads)
-    count = Count()
-    answers = tables.answer_pictures(samples, pipeline.decide, count)
-    count.clear()
-    return answers
+    with Progress() as seen:
+        return tables.answer_pictures(samples, pipeline.decide, seen)
 
 
 def _of_classes(found: DoorPictures) -> str:
@@ -166,14 +160,14 @@ def _of_classes(found: DoorPictures) -> str:
 
 def _train(found: DoorPictures, options: SrinOptions, folder: Path) -> EpochScores:
     from doorway3ds.lab.evaluate.paper import printed
-    from doorway3ds.lab.train.paper.srinepochs import score_epochs
+    from doorway3ds.lab.train.engine.training import Run
+    from doorway3ds.lab.train.paper.srinrun import score_epochs
 
     say(_of_classes(found))
-    count = Count()
     epochs = sorted(printed.VALIDATION_ACCURACY)
-    trained = score_epochs(found, options, folder, epochs, watcher=Watch(epochs[-1]), seen=count)
-    count.clear()
-    return trained
+    with Progress() as seen:
+        run = Run(folder, watcher=Watch(epochs[-1]), seen=seen)
+        return score_epochs(found, options, run, epochs)
 
 
 def _show(report: Report, result: dict[str, Any], as_json: bool, out: Path | None) -> None:

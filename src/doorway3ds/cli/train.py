@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -28,12 +28,8 @@ from doorway3ds.cli.shared.options import (
     Validation,
     Weights,
 )
-from doorway3ds.cli.shared.training import Count, Watch, command_line, say
+from doorway3ds.cli.shared.training import running, say
 from doorway3ds.errors import CallError
-
-if TYPE_CHECKING:
-    from doorway3ds.lab.train.engine.backend import Team
-    from doorway3ds.lab.train.engine.loop import Watcher
 
 app = typer.Typer(help="Train networks from pictures.", no_args_is_help=True)
 
@@ -94,11 +90,7 @@ def doornet(
     from doorway3ds.lab.datasets.samples import parse_split
     from doorway3ds.lab.train.doornet.recipe import read_recipe
     from doorway3ds.lab.train.doornet.run import Teachers, train_doornet
-    from doorway3ds.lab.train.engine import backend as engine
 
-    _require_precision(precision)
-    engine.start(threads)
-    team = engine.join()
     fold = parse_split(hold_out) if hold_out else None
     if report is not None and (fold is None or not 1 <= report <= fold[1] or report - 1 == fold[0]):
         raise CallError("--report is another fold of those that --hold-out K/N counts")
@@ -106,25 +98,34 @@ def doornet(
     given = {"seed": seed, "patience": patience}
     changed: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
     chosen = replace(chosen, fit=replace(chosen.fit, **changed))
-    card = train_doornet(
-        datasets,
-        Teachers.in_folder(teachers),
-        chosen,
+    epochs = sum(stage.epochs for stage in chosen.fit.stages)
+    with running(
         out,
-        hold_out=fold,
-        report=None if report is None else report - 1,
-        marks=marks,
-        calibration=calibration,
-        init=init,
-        resume=resume,
+        epochs,
+        {},
         precision=precision,
-        watcher=_watch(sum(stage.epochs for stage in chosen.fit.stages), out, tensorboard, team),
-        team=team,
-        command=command_line(),
-    )
-    if team.leads:
-        _say_written("doornet", out, card)
-    engine.leave(team)
+        threads=threads,
+        resume=resume,
+        tensorboard=tensorboard,
+    ) as run:
+        card = train_doornet(
+            datasets,
+            Teachers.in_folder(teachers),
+            chosen,
+            out,
+            hold_out=fold,
+            report=None if report is None else report - 1,
+            marks=marks,
+            calibration=calibration,
+            init=init,
+            resume=resume,
+            precision=precision,
+            watcher=run.watcher,
+            team=run.team,
+            command=run.facts["command"],
+        )
+        if run.team.leads:
+            _say_written("doornet", out, card)
 
 
 @app.command()
@@ -174,64 +175,52 @@ def cnn_srin(
 ) -> None:
     """Train the paper's classifier on pictures with and without an open doorway."""
     from doorway3ds.lab.datasets.doors import read_door_pictures
+    from doorway3ds.lab.datasets.places import Choice
     from doorway3ds.lab.datasets.readers import read_places
-    from doorway3ds.lab.train.engine import backend as engine
-    from doorway3ds.lab.train.engine import outcome
-    from doorway3ds.lab.train.paper.srinrun import SrinOptions, train_cnn_srin
+    from doorway3ds.lab.train.paper.srinrun import SrinOptions, SrinTraining
 
-    _require_precision(precision)
-    engine.start(threads)
-    team = engine.join()
-    count = Count()
-    pictures = read_door_pictures(
-        dataset,
-        layout=layout,
-        places=None if places is None else read_places(places),
-        grouping=group,
-        pattern=group_pattern,
-        half_open=half_open,
-        limit=limit,
-        seed=seed,
-        seen=count,
+    options = SrinOptions(
+        epochs,
+        learning_rate,
+        batch,
+        weights,
+        validation,
+        patience,
+        seed,
+        precision,
+        copies=copies,
+        fine_tune=fine_tune,
     )
-    count.clear()
-    if team.leads:
-        say(
-            f"{len(pictures.samples)} pictures, {len(set(pictures.groups))} groups by "
-            f"{pictures.grouping}; left out: {len(pictures.left_out)}, "
-            f"{list(pictures.left_out.values()).count('half open')} of them half open"
-        )
-    card = train_cnn_srin(
-        pictures,
-        SrinOptions(
-            epochs=epochs,
-            learning_rate=learning_rate,
-            batch=batch,
-            weights=weights,
-            copies=copies,
-            fine_tune=fine_tune,
-            validation=validation,
-            patience=patience,
-            seed=seed,
-            precision=precision,
-        ),
+    with running(
         out,
+        epochs + fine_tune,
+        {"data": str(dataset), "licence": licence},
+        precision=precision,
+        threads=threads,
         resume=resume,
-        watcher=_watch(epochs + fine_tune, out, tensorboard, team),
-        seen=count,
-        team=team,
-        facts={"data": str(dataset), "command": command_line(), "licence": licence},
-    )
-    if team.leads:
-        leaks = card["near_copies_across_the_split"]
-        typer.echo(f"near-copies across the split: {leaks}")
-        accuracy = card["held_out"]["wilson"]["accuracy"]
-        typer.echo(
-            f"held-out accuracy {accuracy['value']:.3f} "
-            f"({accuracy['low']:.3f} to {accuracy['high']:.3f}, n = {accuracy['n']})"
+        tensorboard=tensorboard,
+    ) as run:
+        pictures = read_door_pictures(
+            dataset,
+            Choice(group, group_pattern, half_open, limit, seed),
+            layout=layout,
+            places=None if places is None else read_places(places),
+            seen=run.seen,
         )
-        _finish(outcome, "cnn-srin", out, card, licence, install)
-    engine.leave(team)
+        if run.team.leads:
+            say(
+                f"{len(pictures.samples)} pictures, {len(set(pictures.groups))} groups by "
+                f"{pictures.grouping}; left out: {len(pictures.left_out)}, "
+                f"{list(pictures.left_out.values()).count('half open')} of them half open"
+            )
+        card = SrinTraining(pictures, options, run)()
+        if run.team.leads:
+            accuracy = card["held_out"]["wilson"]["accuracy"]
+            said = (
+                f"held-out accuracy {accuracy['value']:.3f} "
+                f"({accuracy['low']:.3f} to {accuracy['high']:.3f}, n = {accuracy['n']})"
+            )
+            _finish("cnn-srin", out, card, said, install)
 
 
 @app.command()
@@ -276,84 +265,71 @@ def densedepth(
     threads: TrainThreads = None,
 ) -> None:
     """Train the paper's depth network (DenseNet-169) on pictures with depth."""
-    from doorway3ds.lab.train.engine import backend as engine
-    from doorway3ds.lab.train.engine import outcome
+    from doorway3ds.lab.datasets.places import Choice
     from doorway3ds.lab.train.paper.densedepth import SETTINGS
     from doorway3ds.lab.train.paper.depthpairs import read_depth_pairs
-    from doorway3ds.lab.train.paper.depthrun import DepthOptions, train_densedepth
+    from doorway3ds.lab.train.paper.depthrun import DepthOptions, DepthTraining
 
-    _require_precision(precision)
     if setting not in SETTINGS:
         raise CallError(f"--setting must be {', '.join(SETTINGS)}, got {setting!r}")
-    engine.start(threads)
-    team = engine.join()
-    count = Count()
-    if not team.leads:
-        team.told(None)  # until the leader has unpacked what is packed
-    pairs = read_depth_pairs(
-        dataset,
-        SETTINGS[setting],
-        unit_m=unit_m,
-        unpack=out / "data",
-        grouping=group,
-        pattern=group_pattern,
-        limit=limit,
-        seed=seed,
-        seen=count,
+    options = DepthOptions(
+        epochs,
+        learning_rate,
+        batch,
+        weights,
+        validation,
+        patience,
+        seed,
+        precision,
+        setting=setting,
+        freeze_encoder=freeze_encoder,
+        augment=augment,
+        filters=832 if half_decoder else None,
     )
-    count.clear()
-    if team.leads:
-        team.told(None)
-        say(
-            f"{len(pairs.samples)} pictures, {len(set(pairs.groups))} groups by "
-            f"{pairs.grouping}; median depth {pairs.median_m:.2f} m; "
-            f"left out: {len(pairs.left_out)}"
-        )
-    card = train_densedepth(
-        pairs,
-        DepthOptions(
-            setting=setting,
-            epochs=epochs,
-            learning_rate=learning_rate,
-            batch=batch,
-            weights=weights,
-            freeze_encoder=freeze_encoder,
-            augment=augment,
-            filters=832 if half_decoder else None,
-            validation=validation,
-            patience=patience,
-            seed=seed,
-            precision=precision,
-        ),
+    with running(
         out,
+        epochs,
+        {"data": str(dataset), "licence": licence},
+        precision=precision,
+        threads=threads,
         resume=resume,
-        watcher=_watch(epochs, out, tensorboard, team),
-        team=team,
-        facts={"data": str(dataset), "command": command_line(), "licence": licence},
-    )
-    if team.leads:
-        typer.echo(f"near-copies across the split: {card['near_copies_across_the_split']}")
-        delta1, rmse = (card["held_out"]["metrics"][key] for key in ("delta1", "rmse"))
-        typer.echo(f"held out: delta1 {delta1['value']:.3f}, RMSE {rmse['value']:.3f} m")
-        # of another size than `3ds look` feeds, a file for KITTI is not installed
-        _finish(outcome, "densedepth", out, card, licence, install and setting == "nyu")
-    engine.leave(team)
+        tensorboard=tensorboard,
+    ) as run:
+        if not run.team.leads:
+            run.team.told(None)  # until the leader has unpacked what is packed
+        pairs = read_depth_pairs(
+            dataset,
+            SETTINGS[setting],
+            Choice(group, group_pattern, limit=limit, seed=seed),
+            unit_m=unit_m,
+            unpack=out / "data",
+            seen=run.seen,
+        )
+        if run.team.leads:
+            run.team.told(None)
+            say(
+                f"{len(pairs.samples)} pictures, {len(set(pairs.groups))} groups by "
+                f"{pairs.grouping}; median depth {pairs.median_m:.2f} m; "
+                f"left out: {len(pairs.left_out)}"
+            )
+        card = DepthTraining(pairs, options, run)()
+        if run.team.leads:
+            delta1, rmse = (card["held_out"]["metrics"][key]["value"] for key in ("delta1", "rmse"))
+            said = f"held out: delta1 {delta1:.3f}, RMSE {rmse:.3f} m"
+            # of another size than `3ds look` feeds, a file for KITTI is not installed
+            _finish("densedepth", out, card, said, install and setting == "nyu")
 
 
-def _require_precision(precision: str) -> None:
-    names = ("auto", "float32", "bfloat16")
-    if precision not in names:
-        raise CallError(f"--precision must be {', '.join(names)}, got {precision!r}")
+def _finish(name: str, out: Path, card: dict[str, Any], said: str, install: bool) -> None:
+    """Says how good it is and what was written, and installs it."""
+    from doorway3ds.lab.train.engine import outcome
 
-
-def _finish(
-    outcome: Any, name: str, out: Path, card: dict[str, Any], licence: str | None, install: bool
-) -> None:
-    """Says what was written and installs it."""
+    typer.echo(f"near-copies across the split: {card['near_copies_across_the_split']}")
+    typer.echo(said)
     _say_written(name, out, card)
     if install:
         path = out / f"{name}.onnx"
-        typer.echo(f"{name}: installed {outcome.install(name, path, licence)}")
+        typer.echo(f"{name}: installed {outcome.install(name, path, card['licence'])}")
 
 
 def _say_written(name: str, out: Path, card: dict[str, Any]) -> None:
@@ -361,13 +337,3 @@ def _say_written(name: str, out: Path, card: dict[str, Any]) -> None:
         f"{out / f'{name}.onnx'}: {card['bytes'] / 1e6:.1f} MB, ONNX Runtime and Keras differ by "
         f"{card['parity']:.1e} of the largest output; report: {out / 'report.html'}"
     )
-
-
-def _watch(epochs: int, out: Path, tensorboard: bool, team: Team) -> Watcher:
-    """The live line, and TensorBoard where asked for."""
-    from doorway3ds.lab.train.engine.watch import TensorBoard, Together
-
-    live = Watch(epochs)
-    if not tensorboard or not team.leads:
-        return live
-    return Together(live, TensorBoard(out / "tensorboard"))

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from doorway3ds.errors import UserError
-from doorway3ds.lab.datasets.doors import read_door_pictures, split_pictures
-from doorway3ds.lab.train.paper.srinrun import training_rows
+from doorway3ds.lab.datasets.doors import read_door_pictures
+from doorway3ds.lab.datasets.places import Choice
+from doorway3ds.lab.train.paper.srinrun import wanted_rows
 from tests.lab.train.doors import classes, room, save
 
 pytestmark = pytest.mark.train
@@ -50,7 +51,7 @@ def test_one_picture_only(tmp_path: Path) -> None:
         read_door_pictures(tmp_path)
     save(tmp_path / "no-door" / "a.png", room(np.random.default_rng(1), is_open=False))
     with pytest.raises(UserError, match="expected at least 2"):
-        split_pictures(read_door_pictures(tmp_path), 0.2, 0)
+        read_door_pictures(tmp_path).split(0.2, 0)
     assert one.is_file()
 
 
@@ -62,7 +63,7 @@ def test_three_doorway_classes_and_half_open_ones(tmp_path: Path) -> None:
     assert sorted(read_door_pictures(tmp_path).labels) == ["no-door"] * 4 + ["open-door"] * 2
     left = read_door_pictures(tmp_path).left_out
     assert set(left.values()) == {"half open"} and len(left) == 2
-    kept = read_door_pictures(tmp_path, half_open="open")
+    kept = read_door_pictures(tmp_path, Choice(half_open="open"))
     assert kept.labels.count("open-door") == 4
 
 
@@ -78,7 +79,7 @@ def test_a_csv_with_places(tmp_path: Path) -> None:
     table.write_text("\n".join(rows))
     found = read_door_pictures(table)
     assert found.groups == ("p0", "p0", "p1", "p1", "p2", "p2")
-    split = split_pictures(found, 0.34, 0)
+    split = found.split(0.34, 0)
     assert len(split.held) == 2
     table.write_text("image,class\nno-door/00.png,ajar?")
     with pytest.raises(UserError, match=r"list\.csv line 2: expected a class"):
@@ -91,7 +92,7 @@ def test_a_csv_with_places(tmp_path: Path) -> None:
 def test_limit_is_per_class_and_follows_the_seed(tmp_path: Path) -> None:
     classes(tmp_path, 5)
     names = [
-        [s.name for s in read_door_pictures(tmp_path, limit=2, seed=seed).samples]
+        [s.name for s in read_door_pictures(tmp_path, Choice(limit=2, seed=seed)).samples]
         for seed in (0, 0, 1)
     ]
     assert names[0] == names[1] != names[2]
@@ -109,7 +110,7 @@ def test_neither_copies_nor_near_duplicates_cross_the_split(tmp_path: Path) -> N
             name = "open-door" if is_open else "no-door"
             save(tmp_path / name / f"{index}-{number}.png", view)
     found = read_door_pictures(tmp_path)
-    split = split_pictures(found, 0.25, 0)
+    split = found.split(0.25, 0)
     assert split.leaks == ()
     scenes = [
         {found.samples[i].name.split("-door/")[1][0] for i in side}
@@ -117,10 +118,10 @@ def test_neither_copies_nor_near_duplicates_cross_the_split(tmp_path: Path) -> N
     ]
     assert scenes[0].isdisjoint(scenes[1])
 
-    rows = training_rows(found, split, copies=3)
+    rows = wanted_rows(found, split.train, copies=3)
     held = {found.samples[i].name for i in split.held}
     assert len(rows) == 4 * len(split.train)
     assert held.isdisjoint(w.sample.name for w in rows)
 
-    careless = read_door_pictures(tmp_path, pattern=r"(\d-\d)")
-    assert len(split_pictures(careless, 0.25, 0).leaks) > 0
+    careless = read_door_pictures(tmp_path, Choice(pattern=r"(\d-\d)"))
+    assert len(careless.split(0.25, 0).leaks) > 0

@@ -57,7 +57,8 @@ def test_a_class_in_one_group_cannot_be_held_out() -> None:
 
 
 def test_leaks_are_near_pairs_across_the_split() -> None:
-    assert groups.leaks([(0, 1), (1, 2), (2, 3)], held=[2, 3]) == [(1, 2)]
+    pictures = groups.Pictures((), (), "", ((0, 1), (1, 2), (2, 3)), {})
+    assert pictures.split_at([0, 1], [2, 3]).leaks == ((1, 2),)
 
 
 def test_groups_by_pattern_and_its_refusals(tmp_path) -> None:  # type: ignore[no-untyped-def]

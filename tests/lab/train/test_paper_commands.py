@@ -14,10 +14,11 @@ pytest.importorskip("torch")
 pytest.importorskip("matplotlib")
 from doorway3ds.errors import UserError
 from doorway3ds.lab.train.engine import backend as engine
+from doorway3ds.lab.train.engine.training import Run
 from doorway3ds.lab.train.paper import densedepth
 from doorway3ds.lab.train.paper.densedepth import NYU
 from doorway3ds.lab.train.paper.depthpairs import read_depth_pairs
-from doorway3ds.lab.train.paper.depthrun import DepthOptions, train_densedepth
+from doorway3ds.lab.train.paper.depthrun import DepthOptions, DepthTraining
 from tests import tinynets
 from tests.conftest import Cli
 from tests.lab.train import keras1
@@ -117,7 +118,8 @@ def test_a_frozen_encoder_stays_and_a_resumed_run_equals_a_whole_one(tmp_path: P
 
     def train(out: Path, resume: bool = False, **changed: object) -> None:
         chosen = replace(options, **changed)  # type: ignore[arg-type]
-        train_densedepth(pairs, chosen, out, resume=resume, blocks=TINY, setting=SMALL)
+        run = Run(out, resume)
+        DepthTraining(pairs, chosen, run, blocks=TINY, setting=SMALL)()
 
     def weights(out: Path) -> dict[str, np.ndarray]:
         with np.load(out / "checkpoint.npz") as file:

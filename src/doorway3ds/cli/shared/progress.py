@@ -1,21 +1,53 @@
-"""One line of progress on standard error, only where somebody watches it."""
+"""A bar of progress on standard error, only where somebody watches it."""
 
 from __future__ import annotations
 
 import sys
-import time
 from types import TracebackType
+from typing import TYPE_CHECKING, Any
 
-_WIDTH = 24
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress as RichProgress
+
+PACE_S = 3600.0  # time left is told by the pace of so many seconds
+
+
+def bar(*, told: bool = False, console: Console | None = None) -> RichProgress:
+    """Rich's bar and the time left, which leaves nothing behind once it is stopped.
+
+    told: instead of the count, the task's fields `name` before it and `text` behind it.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as RichProgress
+    from rich.table import Column
+
+    rest = Column(ratio=1, no_wrap=True, overflow="ellipsis")
+    name = TextColumn("{task.fields[name]}") if told else MofNCompleteColumn()
+    text = [TextColumn("{task.fields[text]}", markup=False, table_column=rest)] if told else []
+    return RichProgress(
+        name,
+        BarColumn(20),
+        TimeRemainingColumn(),
+        *text,
+        console=console or Console(stderr=True),
+        expand=told,
+        transient=True,
+        # what is written to the standard streams is nobody else's to take
+        redirect_stdout=False,
+        redirect_stderr=False,
+        speed_estimate_period=PACE_S,
+    )
 
 
 class Progress:
-    """A bar over `total` steps. `clear` it before writing anything else to the terminal."""
+    """How many are done of `total`. `clear` it before writing anything else to the terminal."""
 
-    def __init__(self, total: int) -> None:
+    def __init__(self, total: int = 0) -> None:
         self._total = total
-        self._start = time.monotonic()
-        self._shown = total > 1 and sys.stderr is not None and sys.stderr.isatty()
+        self._watched = sys.stderr is not None and sys.stderr.isatty()
+        self._bar: Any = None
 
     def __enter__(self) -> Progress:
         return self
@@ -28,17 +60,22 @@ class Progress:
     ) -> None:
         self.clear()
 
-    def show(self, done: int) -> None:
-        if not self._shown:
+    def __call__(self, done: int, total: int | None = None) -> None:
+        """Shows the bar; another total, or none done, begins another, and all done ends it."""
+        total = self._total if total is None else total
+        if not self._watched or total < 2:
             return
-        filled = _WIDTH * done // self._total
-        left = (time.monotonic() - self._start) / max(done, 1) * (self._total - done)
-        rest = f"  {left:.0f} s left" if done else ""
-        bar = "━" * filled + "─" * (_WIDTH - filled)
-        sys.stderr.write(f"\r\x1b[K{bar} {done}/{self._total}{rest}")
-        sys.stderr.flush()
+        if done == total:
+            self.clear()
+            return
+        if self._bar is None or total != self._total or done == 0:
+            self.clear()
+            self._bar, self._total = bar(), total
+            self._bar.add_task("", total=total)
+        self._bar.start()
+        self._bar.update(self._bar.task_ids[0], completed=done)
 
     def clear(self) -> None:
-        if self._shown:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
+        """Takes the bar away."""
+        if self._bar is not None:
+            self._bar.stop()

@@ -1,17 +1,23 @@
-"""Progress of a training on standard error: a live line where somebody watches it."""
+"""How a command trains: its progress on standard error, its run, what it says at the end."""
 
 from __future__ import annotations
 
 import shlex
-import shutil
 import sys
-import time
-from collections import deque
-from datetime import timedelta
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from doorway3ds.cli.shared.progress import Progress
+from doorway3ds.cli.shared.progress import Progress, bar
+from doorway3ds.errors import CallError
 
-_WIDTH = 20
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from doorway3ds.lab.train.engine.training import Run
+
+PRECISIONS = ("auto", "float32", "bfloat16")
 
 
 def command_line() -> str:
@@ -19,62 +25,69 @@ def command_line() -> str:
     return shlex.join(["3ds", *sys.argv[1:]])
 
 
-class Watch:
-    """Losses and time left of the epoch on a live line; one lasting line per epoch."""
+def say(text: str) -> None:
+    """One line on standard error."""
+    sys.stderr.write(text + "\n")
 
-    def __init__(self, epochs: int) -> None:
-        self._epochs = epochs
+
+class Watch:
+    """Losses and time left on a live bar over all epochs; one lasting line per epoch."""
+
+    def __init__(self, epochs: int, console: Console | None = None) -> None:
+        self._epochs, self._console = epochs, console
         self._live = sys.stderr is not None and sys.stderr.isatty()
-        self._times: deque[float] = deque()
+        self._bar: Any = None
 
     def batch(self, epoch: int, step: int, steps: int, losses: dict[str, float]) -> None:
         if not self._live:
             return
-        self._times.append(time.monotonic())
-        # the pace of the last epoch: later stages may be slower, and validation takes time, too
-        while len(self._times) > steps + 1:
-            self._times.popleft()
-        left = ""
-        if len(self._times) > 1:
-            pace = (self._times[-1] - self._times[0]) / (len(self._times) - 1)
-            missing = max(self._epochs * steps - ((epoch - 1) * steps + step), 0)
-            left = f"{timedelta(seconds=round(pace * missing))} left  "
-        filled = _WIDTH * step // steps
-        bar = "━" * filled + "─" * (_WIDTH - filled)
+        if self._bar is None:
+            self._bar = bar(told=True, console=self._console)
+            self._bar.add_task("", name="", text="")
         told = {"loss": losses["loss"], **losses} if "loss" in losses else losses
-        line = f"{epoch}/{self._epochs} {bar} {left}{_text(told)}"
-        # a line that wraps could not be taken back
-        sys.stderr.write(f"\r\x1b[K{line[: shutil.get_terminal_size().columns - 1]}")
-        sys.stderr.flush()
+        self._bar.start()
+        self._bar.update(
+            self._bar.task_ids[0],
+            completed=(epoch - 1) * steps + step,
+            total=self._epochs * steps,
+            name=f"{epoch}/{self._epochs}",
+            text=_text(told),
+        )
 
     def epoch(self, row: dict[str, float]) -> None:
-        start = "\r\x1b[K" if self._live else ""
-        losses = {key: value for key, value in row.items() if key != "epoch"}
-        sys.stderr.write(f"{start}epoch {row['epoch']:.0f}  {_text(losses)}\n")
-        sys.stderr.flush()
-
-
-class Count:
-    """A bar over something counted, such as pictures read; made anew for each count."""
-
-    def __init__(self) -> None:
-        self._bar: Progress | None = None
-        self._total = 0
-
-    def __call__(self, done: int, total: int) -> None:
-        if self._bar is None or total != self._total or done == 0:
-            self._bar, self._total = Progress(total), total
-        self._bar.show(done)
-
-    def clear(self) -> None:
-        """Takes the bar away."""
         if self._bar is not None:
-            self._bar.clear()
+            self._bar.stop()
+        losses = {key: value for key, value in row.items() if key != "epoch"}
+        say(f"epoch {row['epoch']:.0f}  {_text(losses)}")
 
 
-def say(text: str) -> None:
-    """One line on standard error."""
-    sys.stderr.write(text + "\n")
+@contextmanager
+def running(
+    out: Path,
+    epochs: int,
+    facts: Mapping[str, Any],
+    *,
+    precision: str,
+    threads: int | None,
+    resume: bool,
+    tensorboard: bool,
+) -> Iterator[Run]:
+    """A training's run, with progress told and the team of `torchrun`, if there is one."""
+    if precision not in PRECISIONS:
+        raise CallError(f"--precision must be {', '.join(PRECISIONS)}, got {precision!r}")
+    from doorway3ds.lab.train.engine import backend
+    from doorway3ds.lab.train.engine.training import Run
+    from doorway3ds.lab.train.engine.watch import TensorBoard, Together
+
+    backend.start(threads)
+    team = backend.join()
+    watcher: Any = Watch(epochs)
+    if tensorboard and team.leads:
+        watcher = Together(watcher, TensorBoard(out / "tensorboard"))
+    with Progress() as seen:
+        told = {"command": command_line(), **facts}
+        yield Run(out, resume, watcher, seen, team, told)
+    backend.leave(team)
 
 
 def _text(losses: dict[str, float]) -> str:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,6 +12,8 @@ from numpy.typing import NDArray
 
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.lab.datasets import places as groups
+from doorway3ds.lab.datasets.csvfile import csv_columns, csv_rows
+from doorway3ds.lab.datasets.places import ALL, Choice, Pictures, Seen, unseen
 from doorway3ds.lab.datasets.readers import CLASS_FOLDERS, read_dataset
 from doorway3ds.lab.datasets.samples import Sample, load_frame
 
@@ -23,56 +24,32 @@ _GROUP_COLUMNS = ("group", "place")
 
 
 @dataclass(frozen=True)
-class DoorPictures:
-    """Readable pictures of two classes.
+class DoorPictures(Pictures):
+    """Pictures of two classes. digests: SHA-256 of each file."""
 
-    groups: by picture; what shares one is never split. grouping: how they were found.
-    pairs: pictures that show nearly the same. digests: SHA-256 of each file. left_out: why, by
-    name.
-    """
-
-    samples: tuple[Sample, ...]
-    groups: tuple[str, ...]
-    grouping: str
-    pairs: tuple[tuple[int, int], ...]
     digests: tuple[str, ...]
-    left_out: Mapping[str, str]
 
     @property
     def labels(self) -> list[str]:
         return [OPEN_DOOR if s.is_open else NO_DOOR for s in self.samples]
 
 
-@dataclass(frozen=True)
-class Split:
-    """Indices to learn from and held out; leaks: near-copies of which each side has one."""
-
-    train: tuple[int, ...]
-    held: tuple[int, ...]
-    leaks: tuple[tuple[int, int], ...]
-
-
 def read_door_pictures(
     path: Path,
+    choice: Choice = ALL,
     *,
     layout: str | None = None,
     places: Mapping[str, str] | None = None,
-    grouping: str = "auto",
-    pattern: str | None = None,
-    half_open: str = "leave-out",
-    limit: int | None = None,
-    seed: int = 0,
-    seen: Callable[[int, int], None] = lambda done, total: None,
+    seen: Seen = unseen,
 ) -> DoorPictures:
     """The pictures of a folder (a folder per class, or any layout of `3ds eval`) or CSV file.
 
     A CSV has columns image and class (also label, state or open), and may have group or place.
-    grouping, pattern: as in `groups.name_groups`. limit: per class at most so many, drawn by
-    seed. Unreadable and doubled files are left out.
+    Unreadable and doubled files are left out.
 
     Raises UserError where a class is empty.
     """
-    require_half_open(half_open)
+    require_half_open(choice.half_open)
     if path.suffix.lower() == ".csv" and path.is_file():
         samples, known = _read_csv(path)
         if places is not None:
@@ -80,17 +57,7 @@ def read_door_pictures(
     else:
         data = read_dataset(path, layout, places)
         samples, known = list(data.samples), data.places_known
-    return check_pictures(
-        samples,
-        path,
-        places_known=known,
-        grouping=grouping,
-        pattern=pattern,
-        half_open=half_open,
-        limit=limit,
-        seed=seed,
-        seen=seen,
-    )
+    return check_pictures(samples, path, choice, places_known=known, seen=seen)
 
 
 def require_half_open(half_open: str) -> None:
@@ -102,69 +69,57 @@ def require_half_open(half_open: str) -> None:
 def check_pictures(
     samples: Sequence[Sample],
     path: Path,
+    choice: Choice,
     *,
     places_known: bool,
-    grouping: str = "auto",
-    pattern: str | None = None,
-    half_open: str = "leave-out",
-    limit: int | None = None,
-    seed: int = 0,
-    seen: Callable[[int, int], None] = lambda done, total: None,
+    seen: Seen = unseen,
 ) -> DoorPictures:
     """The same of samples at hand; path: what messages call their data set."""
-    if half_open != "leave-out":
-        samples = [
-            replace(s, is_open=half_open == "open") if s.is_open is None else s for s in samples
-        ]
-    half = {s.name: "half open" for s in samples if s.is_open is None}
-    wanted = _limited([s for s in samples if s.is_open is not None], limit, seed)
+    if choice.half_open != "leave-out":
+        called = choice.half_open == "open"
+        samples = [replace(s, is_open=called) if s.is_open is None else s for s in samples]
+    left_out = {s.name: "half open" for s in samples if s.is_open is None}
+    drawn = {
+        sample.name
+        for is_open in (False, True)
+        for sample in choice.draw([s for s in samples if s.is_open is is_open])
+    }
+    wanted = [s for s in samples if s.name in drawn]
     _require_classes(wanted, path)
-    kept, hashes, digests, left_out = _checked(wanted, seen)
-    _require_classes(kept, path, left_out)
-    pairs = groups.near_pairs(hashes)
-    found, how = groups.name_groups(
-        kept, pairs, places_known=places_known, grouping=grouping, pattern=pattern
+    read, unreadable = groups.read_each(wanted, _read, seen)
+    found, doubled = _once_each(read)
+    _require_classes([sample for sample, _ in found], path, unreadable | doubled)
+    kept = groups.group(
+        [sample for sample, _ in found], [code for _, (_, code) in found], places_known, choice
     )
-    return DoorPictures(tuple(kept), found, how, tuple(pairs), tuple(digests), half | left_out)
+    digests = tuple(digest for _, (digest, _) in found)
+    return DoorPictures(*kept, left_out | unreadable | doubled, digests)
 
 
-def split_pictures(pictures: DoorPictures, share: float, seed: int) -> Split:
-    """Whole groups held out, near `share` of each class."""
-    train, held = groups.split(pictures.groups, pictures.labels, share, seed)
-    return Split(tuple(train), tuple(held), tuple(groups.leaks(pictures.pairs, held)))
+_Read = tuple[str, NDArray[np.bool_]]  # a file's digest, and its perceptual hash
 
 
-def _checked(
-    samples: Sequence[Sample], seen: Callable[[int, int], None]
-) -> tuple[list[Sample], NDArray[np.bool_], list[str], dict[str, str]]:
-    """Readable samples once each, their hashes and digests, and why others are left out."""
-    left_out: dict[str, str] = {}
+def _read(sample: Sample) -> _Read:
+    image = load_frame(sample).image
+    digest = hashlib.sha256(sample.image_path.read_bytes()).hexdigest()
+    return digest, groups.perceptual_hash(image)
+
+
+def _once_each(
+    read: Sequence[tuple[Sample, _Read]],
+) -> tuple[list[tuple[Sample, _Read]], dict[str, str]]:
+    """The first of files that are the same, none of them in two classes; why not the others."""
     first: dict[str, Sample] = {}
-    found: dict[str, tuple[Sample, NDArray[np.bool_], str]] = {}
-    for number, sample in enumerate(samples):
-        seen(number, len(samples))
-        try:
-            digest = hashlib.sha256(sample.image_path.read_bytes()).hexdigest()
-            if digest in first:
-                twin = first[digest]
-                left_out[sample.name] = f"the same file as {twin.name}"
-                if twin.is_open != sample.is_open:
-                    left_out[sample.name] += ", in another class"
-                    left_out[twin.name] = f"the same file as {sample.name}, in another class"
-                    found.pop(twin.name, None)
-                continue
-            first[digest] = sample
-            image = load_frame(sample).image
-        except UserError as error:
-            left_out[sample.name] = str(error)
+    left_out: dict[str, str] = {}
+    for sample, (digest, _) in read:
+        twin = first.setdefault(digest, sample)
+        if twin is sample:
             continue
-        except OSError as error:
-            left_out[sample.name] = f"cannot be read: {error.strerror}"
-            continue
-        found[sample.name] = (sample, groups.perceptual_hash(image), digest)
-    kept = [sample for sample, _, _ in found.values()]
-    hashes = np.array([code for _, code, _ in found.values()], bool).reshape(-1, 2, groups.BITS)
-    return kept, hashes, [digest for _, _, digest in found.values()], left_out
+        left_out[sample.name] = f"the same file as {twin.name}"
+        if twin.is_open != sample.is_open:
+            left_out[sample.name] += ", in another class"
+            left_out[twin.name] = f"the same file as {sample.name}, in another class"
+    return [(sample, what) for sample, what in read if sample.name not in left_out], left_out
 
 
 def _require_classes(
@@ -180,24 +135,8 @@ def _require_classes(
             )
 
 
-def _limited(samples: list[Sample], limit: int | None, seed: int) -> list[Sample]:
-    if limit is None:
-        return samples
-    rng = np.random.default_rng(seed)
-    chosen: list[Sample] = []
-    for is_open in (False, True):
-        own = [s for s in samples if s.is_open is is_open]
-        chosen += [own[i] for i in sorted(rng.permutation(len(own))[:limit])]
-    return chosen
-
-
 def _read_csv(path: Path) -> tuple[list[Sample], bool]:
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise UserError(f"{path} is no CSV file in UTF-8: {error}") from error
-    columns = list(rows[0]) if rows else []
+    columns = csv_columns(path)
     label = next((c for c in _CLASS_COLUMNS if c in columns), None)
     group = next((c for c in _GROUP_COLUMNS if c in columns), None)
     if "image" not in columns or label is None:
@@ -205,24 +144,19 @@ def _read_csv(path: Path) -> tuple[list[Sample], bool]:
             f"{path} needs the columns image and class; it has {', '.join(columns) or 'none'}"
         )
     samples = []
-    for number, row in enumerate(rows, 2):
-        name, value = (row["image"] or "").strip(), (row[label] or "").strip().lower()
+    for where, row in csv_rows(path, ("image", label)):
+        name, value = row["image"], row[label].lower()
         key = {"1": "open", "0": "no-door"}.get(value, value.replace("_", "-").replace(" ", "-"))
         if key not in CLASS_FOLDERS:
             raise UserError(
-                f"{path} line {number}: expected a class such as {OPEN_DOOR} or {NO_DOOR}, "
-                f"got {value!r}"
+                f"{where}: expected a class such as {OPEN_DOOR} or {NO_DOOR}, got {value!r}"
             )
-        place = (row[group] or "").strip() if group else ""
-        file_path = next(
-            (p for p in (path.parent / name, path.parent / "images" / name) if p.is_file()),
-            path.parent / name,
-        )
+        files = (path.parent / name, path.parent / "images" / name)
         samples.append(
             Sample(
                 name=name,
-                place=place or name,
-                image_path=file_path,
+                place=(row[group] if group else "") or name,
+                image_path=next((file for file in files if file.is_file()), files[0]),
                 is_open=CLASS_FOLDERS[key],
                 kinds=(key,) if CLASS_FOLDERS[key] is False else (),
             )

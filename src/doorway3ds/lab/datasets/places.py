@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
@@ -20,6 +21,113 @@ _SIDE, _LOW = 32, 8
 _ROWS = 1024
 
 Image = NDArray[np.uint8]
+Read = TypeVar("Read")
+Seen = Callable[[int, int], None]
+"""Told of progress: how many are done of how many."""
+
+
+def unseen(done: int, total: int) -> None:
+    """Nobody is told."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which pictures of a data set are taken, and which of them are never split.
+
+    grouping, pattern: see `name_groups`. half_open: see `doors.check_pictures`. limit: at most so
+    many (per class, if there are classes), drawn by `seed`.
+    """
+
+    grouping: str = "auto"
+    pattern: str | None = None
+    half_open: str = "leave-out"
+    limit: int | None = None
+    seed: int = 0
+
+    def draw(self, samples: Sequence[Sample]) -> list[Sample]:
+        """At most `limit` of them, in their order."""
+        if self.limit is None or len(samples) <= self.limit:
+            return list(samples)
+        order = np.random.default_rng(self.seed).permutation(len(samples))
+        return [samples[i] for i in sorted(order[: self.limit])]
+
+
+ALL = Choice()
+
+
+@dataclass(frozen=True)
+class Split:
+    """Indices to learn from and held out; leaks: near-copies of which each side has one."""
+
+    train: tuple[int, ...]
+    held: tuple[int, ...]
+    leaks: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Readable pictures in groups.
+
+    groups: by picture; what shares one is never split. grouping: how they were found.
+    pairs: pictures that show nearly the same. left_out: why, by name.
+    """
+
+    samples: tuple[Sample, ...]
+    groups: tuple[str, ...]
+    grouping: str
+    pairs: tuple[tuple[int, int], ...]
+    left_out: Mapping[str, str]
+
+    @property
+    def labels(self) -> list[str]:
+        """The class of each picture: `split` holds out a share of every one."""
+        return ["picture"] * len(self.samples)
+
+    def split(self, share: float, seed: int) -> Split:
+        """Whole groups held out, near `share` of each class."""
+        return self.split_at(*split(self.groups, self.labels, share, seed))
+
+    def split_at(self, train: Sequence[int], held: Sequence[int]) -> Split:
+        """These sides with their leaks."""
+        outside = set(held)
+        leaks = tuple((a, b) for a, b in self.pairs if (a in outside) != (b in outside))
+        return Split(tuple(train), tuple(held), leaks)
+
+    def told(self, split: Split) -> dict[str, Any]:
+        """What a training's card says of the pictures."""
+        return {
+            "left_out": dict(self.left_out),
+            "grouping": self.grouping,
+            "groups": len(set(self.groups)),
+            "near_copies_across_the_split": len(split.leaks),
+        }
+
+
+def read_each(
+    samples: Sequence[Sample], read: Callable[[Sample], Read], seen: Seen
+) -> tuple[list[tuple[Sample, Read]], dict[str, str]]:
+    """What `read` returns for each sample, and why others are left out: its UserErrors."""
+    found: list[tuple[Sample, Read]] = []
+    left_out: dict[str, str] = {}
+    for number, sample in enumerate(samples):
+        seen(number, len(samples))
+        try:
+            found.append((sample, read(sample)))
+        except UserError as error:
+            left_out[sample.name] = str(error)
+    seen(len(samples), len(samples))
+    return found, left_out
+
+
+def group(
+    samples: Sequence[Sample], hashes: Sequence[NDArray[np.bool_]], known: bool, choice: Choice
+) -> tuple[tuple[Sample, ...], tuple[str, ...], str, tuple[tuple[int, int], ...]]:
+    """The first fields of `Pictures`. hashes: perceptual ones. known: the samples name places."""
+    pairs = near_pairs(np.array(hashes, bool).reshape(-1, 2, BITS))
+    names, how = name_groups(
+        samples, pairs, places_known=known, grouping=choice.grouping, pattern=choice.pattern
+    )
+    return tuple(samples), names, how, tuple(pairs)
 
 
 def perceptual_hash(image: Image) -> NDArray[np.bool_]:
@@ -159,9 +267,3 @@ def split(
     for index, group in enumerate(groups):
         sides[group in held].append(index)
     return sides
-
-
-def leaks(pairs: Sequence[tuple[int, int]], held: Sequence[int]) -> list[tuple[int, int]]:
-    """The near pairs of which one side is held out and the other is not."""
-    outside = set(held)
-    return [(a, b) for a, b in pairs if (a in outside) != (b in outside)]

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("torch")
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.lab.train.paper.densedepth import NYU
-from doorway3ds.lab.train.paper.depthpairs import read_depth_pairs, split_pairs, target
+from doorway3ds.lab.train.paper.depthpairs import read_depth_pairs, target
 from doorway3ds.lab.train.paper.depthrun import augmented
 from tests.lab.train.doors import depth_pairs, room, save
 
@@ -103,7 +103,8 @@ def test_densedepth_s_own_layout(tmp_path: Path, zipped: bool) -> None:
                 archive.write(file, file.relative_to(tmp_path))
     pairs = read_depth_pairs(source, SMALL, unpack=tmp_path / "out")
     assert len(pairs.samples) == 5 and len(set(pairs.groups)) == 3
-    kept, held = split_pairs(pairs, 0.5, 0)
+    split = pairs.split(0.5, 0)
+    kept, held = split.train, split.held
     assert [pairs.samples[i].name for i in held] == [f"{name}_colors.png"]
     assert target(pairs.samples[kept[0]], SMALL).mean() == pytest.approx(5.0)  # 51 counts: 2 m
     assert target(pairs.samples[held[0]], SMALL).mean() == pytest.approx(2.5)
@@ -124,7 +125,7 @@ def test_a_damaged_zip_and_one_that_reaches_outside(tmp_path: Path) -> None:
 def test_one_pair_cannot_be_split(tmp_path: Path) -> None:
     pairs = read_depth_pairs(depth_pairs(tmp_path, 1), SMALL, unit_m=0.001)
     with pytest.raises(UserError, match="expected at least 2"):
-        split_pairs(pairs, 0.2, 0)
+        pairs.split(0.2, 0)
 
 
 def test_mirroring_takes_picture_and_depth_along() -> None:

@@ -13,6 +13,7 @@ from doorway3ds.camera.presets import preset
 from doorway3ds.decide.paper import COLUMNS, FREE_BELOW_ROW, ROWS, UNIT_M, pixel_to_angle
 from doorway3ds.errors import UserError
 from doorway3ds.images.folder import images_in
+from doorway3ds.lab.datasets.places import Seen, unseen
 from doorway3ds.lab.datasets.readers import read_dataset
 from doorway3ds.lab.datasets.samples import Sample, load_frame
 from doorway3ds.lab.evaluate.classifier import ClassifierMetrics
@@ -195,13 +196,14 @@ def read_pictures(path: Path, fit: FitCamera) -> tuple[Sample, ...]:
 def answer_pictures(
     samples: Sequence[Sample],
     decide: Callable[[Frame], Decision],
-    seen: Callable[[int, int], None] = lambda done, total: None,
+    seen: Seen = unseen,
 ) -> list[Answer]:
     """The decision on each picture. Raises UserError where one cannot be read."""
     answers = []
     for done, sample in enumerate(samples):
         seen(done, len(samples))
         answers.append(Answer(sample.name, sample.is_open, decide(load_frame(sample))))
+    seen(len(samples), len(samples))
     return answers
 
 

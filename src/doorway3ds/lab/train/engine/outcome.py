@@ -15,12 +15,9 @@ from typing import Any
 import numpy as np
 
 from doorway3ds.errors import UserError
-from doorway3ds.lab.datasets.samples import Sample
-from doorway3ds.lab.evaluate.classifier import ClassifierMetrics, ClassifierRecord
-from doorway3ds.lab.evaluate.depth import DepthMetrics
-from doorway3ds.lab.evaluate.report import pages, plots
+from doorway3ds.lab.evaluate.classifier import ClassifierMetrics
+from doorway3ds.lab.evaluate.report import plots
 from doorway3ds.lab.evaluate.report.html import Report, write_report
-from doorway3ds.lab.evaluate.runners import Protocol
 from doorway3ds.lab.train.engine.loop import Row
 from doorway3ds.networks import registry
 from doorway3ds.networks.session import digest
@@ -73,33 +70,6 @@ def training_report(card: Mapping[str, Any], history: Sequence[Row]) -> Report:
     names = [k for k in history[0] if k != "epoch" and not k.startswith("val_")] if history else []
     for name in names:
         report.add_plot(f"curve-{name}", name.capitalize(), curves(history, name))
-    return report
-
-
-def classifier_report(
-    folder: Path,
-    card: Mapping[str, Any],
-    history: Sequence[Row],
-    records: Sequence[ClassifierRecord],
-    scored: ClassifierMetrics,
-    samples: Mapping[str, Sample],
-) -> Path:
-    """report.html, report.json and PNGs of a classifier's training."""
-    report = training_report(card, history)
-    report.tables.append(pages.classifier_table({"held out": scored}))
-    report.add_plot("confusion", "Confusion matrix", confusion(scored))
-    pages.add_classifier_pictures(report, samples, {"held out": records}, {"held out": scored})
-    return finish_report(report, folder, card, history)
-
-
-def depth_report(
-    card: Mapping[str, Any],
-    history: Sequence[Row],
-    scored: Mapping[Protocol, DepthMetrics],
-) -> Report:
-    """The report of a depth network's training, without its pictures."""
-    report = training_report(card, history)
-    report.tables.append(pages.depth_table(scored))
     return report
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.errors import UserError
+from doorway3ds.lab.datasets.places import Seen, unseen
 from doorway3ds.lab.datasets.samples import Sample, load_frame
 from doorway3ds.lab.train.engine import checkpoint
 from doorway3ds.lab.train.engine.backend import device_of, start
@@ -161,7 +162,7 @@ class FeatureCache:
         self,
         wanted: Sequence[Wanted],
         batch: int = 16,
-        seen: Callable[[int, int], None] = lambda done, total: None,
+        seen: Seen = unseen,
     ) -> NDArray[np.float32]:
         """(N, 512); what is new is stored every few hundred pictures and at the end."""
         missing = list({self._key(w): w for w in wanted if self._key(w) not in self._rows}.values())
@@ -177,6 +178,7 @@ class FeatureCache:
                     unsaved = 0
         finally:
             if missing:
+                seen(len(missing), len(missing))
                 self._store()
         return np.stack([self._rows[self._key(w)] for w in wanted])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,7 @@ def import_published(name: str, file: Path, licence: str | None = None) -> tuple
     model = module.import_weights(file)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, f"{name}.onnx")
-        difference = write_onnx(name, model, path, {"name": name, "source": file.name})
+        difference = _write(name, model, path, {"name": name, "source": file.name})
         return install(name, path, source=str(file), licence=licence), difference
 
 
@@ -42,20 +43,28 @@ def write_untrained(name: str, path: Path) -> None:
         if name == "cnn-srin"
         else densedepth.build_densedepth("none")
     )
-    write_onnx(name, model, path, {"name": name, "weights": "random"})
+    _write(name, model, path, {"name": name, "weights": "random"})
 
 
-def write_onnx(name: str, model: Any, path: Path, metadata: dict[str, Any]) -> float:
-    """Writes `model` with the signature of network `name`; the largest difference to Keras."""
-    if name == "cnn-srin":
-        return export(
-            model,
-            path,
-            [(3, SIDE, SIDE)],
-            ["p_open"],
-            lambda logits: logits.sigmoid().reshape(-1),
-            metadata,
-            scale=255.0,
-        )
-    size = (3, densedepth.NYU.height, densedepth.NYU.width)
-    return export(model, path, [size], ["depth"], lambda raw: raw, metadata)
+def _write(name: str, model: Any, path: Path, metadata: Mapping[str, Any]) -> float:
+    write = export_cnn_srin if name == "cnn-srin" else export_densedepth
+    return write(model, path, metadata)
+
+
+def export_cnn_srin(model: Any, path: Path, metadata: Mapping[str, Any], side: int = SIDE) -> float:
+    """Writes the classifier's logits as "p_open"; the largest difference to Keras."""
+    shape = (3, side, side)
+    return export(
+        model, path, [shape], ["p_open"], lambda x: x.sigmoid().reshape(-1), metadata, scale=255.0
+    )
+
+
+def export_densedepth(
+    model: Any,
+    path: Path,
+    metadata: Mapping[str, Any],
+    setting: densedepth.Setting = densedepth.NYU,
+) -> float:
+    """Writes the depth network; the largest difference to Keras."""
+    shape = (3, setting.height, setting.width)
+    return export(model, path, [shape], ["depth"], lambda raw: raw, metadata)

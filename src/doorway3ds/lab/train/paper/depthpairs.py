@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import zipfile
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.images.folder import images_in
 from doorway3ds.lab.datasets import places as groups
+from doorway3ds.lab.datasets.places import ALL, Choice, Pictures, Seen, Split, unseen
 from doorway3ds.lab.datasets.readers import read_dataset
 from doorway3ds.lab.datasets.samples import Sample, load_depth, load_frame
 from doorway3ds.lab.train.paper.densedepth import Setting
@@ -26,19 +26,23 @@ _ASPECT = 0.02  # relative difference of picture's and depth's aspect that is st
 
 
 @dataclass(frozen=True)
-class DepthPairs:
-    """Readable pictures with depth; groups: what shares one is never split.
+class DepthPairs(Pictures):
+    """Pictures with depth.
 
     held: names that the data set itself sets aside for testing; empty where it says nothing.
     """
 
-    samples: tuple[Sample, ...]
-    groups: tuple[str, ...]
-    grouping: str
-    pairs: tuple[tuple[int, int], ...]
     held: frozenset[str]
-    left_out: Mapping[str, str]
     median_m: float
+
+    def split(self, share: float, seed: int) -> Split:
+        """The data set's own sides where it has them, else whole groups."""
+        if not 0 < len(self.held) < len(self.samples):
+            return super().split(share, seed)
+        sides: tuple[list[int], list[int]] = ([], [])
+        for index, sample in enumerate(self.samples):
+            sides[sample.name in self.held].append(index)
+        return self.split_at(*sides)
 
 
 @dataclass(frozen=True)
@@ -51,14 +55,11 @@ class _Found:
 def read_depth_pairs(
     path: Path,
     setting: Setting,
+    choice: Choice = ALL,
     *,
     unit_m: float | None = None,
     unpack: Path | None = None,
-    grouping: str = "auto",
-    pattern: str | None = None,
-    limit: int | None = None,
-    seed: int = 0,
-    seen: Callable[[int, int], None] = lambda done, total: None,
+    seen: Seen = unseen,
 ) -> DepthPairs:
     """Pairs of a folder or of DenseDepth's zip, which is unpacked to `unpack`.
 
@@ -73,45 +74,16 @@ def read_depth_pairs(
     if not path.is_dir():
         raise UserError(f"expected a folder or .zip with pictures and depth, got {path}")
     found = _found(path, unit_m)
-    samples = found.samples
-    if limit is not None and len(samples) > limit:
-        chosen = np.random.default_rng(seed).permutation(len(samples))[:limit]
-        samples = [samples[i] for i in sorted(chosen)]
-    kept: list[Sample] = []
-    hashes: list[NDArray[np.bool_]] = []
-    medians: list[float] = []
-    left_out: dict[str, str] = {}
-    for number, sample in enumerate(samples):
-        seen(number, len(samples))
-        try:
-            image, median = _checked(sample)
-        except UserError as error:
-            left_out[sample.name] = str(error)
-            continue
-        kept.append(sample)
-        hashes.append(groups.perceptual_hash(image))
-        medians.append(median)
-    if not kept:
+    read, left_out = groups.read_each(choice.draw(found.samples), _checked, seen)
+    if not read:
         why = "{}: {}".format(*next(iter(left_out.items()))) if left_out else "none was found"
         raise UserError(f"{path} has no picture with readable depth; {why}")
-    median_m = float(np.median(medians))
+    kept = [sample for sample, _ in read]
+    median_m = float(np.median([median for _, (_, median) in read]))
     _require_plausible(median_m, setting, kept[0].depth_unit_m)
-    near = groups.near_pairs(np.array(hashes))
-    names, how = groups.name_groups(
-        kept, near, places_known=found.known, grouping=grouping, pattern=pattern
-    )
+    grouped = groups.group(kept, [code for _, (code, _) in read], found.known, choice)
     held = found.held & {s.name for s in kept}
-    return DepthPairs(tuple(kept), names, how, tuple(near), held, left_out, median_m)
-
-
-def split_pairs(pairs: DepthPairs, share: float, seed: int) -> tuple[list[int], list[int]]:
-    """(training, held-out) indices: the data set's own where it has them, else whole groups."""
-    if pairs.held and len(pairs.held) < len(pairs.samples):
-        sides: tuple[list[int], list[int]] = ([], [])
-        for index, sample in enumerate(pairs.samples):
-            sides[sample.name in pairs.held].append(index)
-        return sides
-    return groups.split(pairs.groups, ["depth"] * len(pairs.samples), share, seed)
+    return DepthPairs(*grouped, left_out, held, median_m)
 
 
 def target(sample: Sample, setting: Setting) -> NDArray[np.float32]:
@@ -130,8 +102,8 @@ def target(sample: Sample, setting: Setting) -> NDArray[np.float32]:
     return np.asarray(small, np.float32)[None]
 
 
-def _checked(sample: Sample) -> tuple[NDArray[np.uint8], float]:
-    """The picture and its median depth; UserError where the pair is of no use."""
+def _checked(sample: Sample) -> tuple[NDArray[np.bool_], float]:
+    """The picture's hash and its median depth; UserError where the pair is of no use."""
     if sample.depth_path is None or not sample.depth_path.is_file():
         raise UserError("has no depth file")
     image = load_frame(sample).image
@@ -146,7 +118,7 @@ def _checked(sample: Sample) -> tuple[NDArray[np.uint8], float]:
     known = depth[np.isfinite(depth) & (depth > 0)]
     if known.size == 0:
         raise UserError("has no known depth at all")
-    return image, float(np.median(known))
+    return groups.perceptual_hash(image), float(np.median(known))
 
 
 def _require_plausible(median_m: float, setting: Setting, unit_m: float) -> None:

@@ -1,58 +1,51 @@
-"""One training of CNN-SRIN: features, head, optional fine-tuning, ONNX file, card, report."""
+"""One training of CNN-SRIN: features, head, optional fine-tuning."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.lab.datasets.doors import DoorPictures, Split, split_pictures
+from doorway3ds.lab.datasets.doors import DoorPictures
 from doorway3ds.lab.datasets.samples import Sample
 from doorway3ds.lab.evaluate import classifier
 from doorway3ds.lab.evaluate.classifier import ClassifierMetrics, ClassifierRecord
+from doorway3ds.lab.evaluate.report import pages
+from doorway3ds.lab.evaluate.report.html import Report
 from doorway3ds.lab.train.engine import outcome
-from doorway3ds.lab.train.engine.backend import ALONE, Team, device_of, wants_half
-from doorway3ds.lab.train.engine.loop import Data, Loop, LoopConfig, Row, Watcher
-from doorway3ds.lab.train.onnx.file import export
+from doorway3ds.lab.train.engine.backend import device_of
+from doorway3ds.lab.train.engine.loop import Data, LoopConfig, Row
+from doorway3ds.lab.train.engine.training import Run, Training, TrainOptions
 from doorway3ds.lab.train.paper import cnn_srin
 from doorway3ds.lab.train.paper.cnn_srin import FeatureCache, Wanted
+from doorway3ds.lab.train.paper.convert import export_cnn_srin
 from doorway3ds.networks.cnn_srin import SIDE
 
 FINE_TUNE_RATE = 1e-5
 
 
 @dataclass(frozen=True)
-class SrinOptions:
+class SrinOptions(TrainOptions):
     """copies: augmented copies of each training picture. fine_tune: epochs with VGG16's top
-    block unfrozen, after the head's. weights: "imagenet", "none" or a file. side: of the input;
-    `3ds look` needs 224.
+    block unfrozen, after the head's. side: of the input; `3ds look` needs 224.
     """
 
-    epochs: int = 20
-    learning_rate: float = 1e-3
-    batch: int = 32
-    weights: str = "imagenet"
     copies: int = 0
     fine_tune: int = 0
-    validation: float = 0.2
-    patience: int = 0
-    seed: int = 0
-    precision: str = "auto"
     side: int = SIDE
 
 
 class Rows:
     """Features that are learned from; one or more rows per picture."""
 
-    def __init__(
-        self, names: Sequence[str], features: NDArray[np.float32], labels: Sequence[bool | None]
-    ) -> None:
-        self.names, self.features = names, features
-        self.labels = np.array(labels, np.float32).reshape(-1, 1)
+    def __init__(self, wanted: Sequence[Wanted], features: NDArray[np.float32]) -> None:
+        self.names = [f"{w.sample.name}{f' (copy {w.copy})' if w.copy else ''}" for w in wanted]
+        self.features = features
+        self.labels = np.array([[w.sample.is_open] for w in wanted], np.float32)
 
     def load(self, indices: Sequence[int], epoch: int | None) -> tuple[Any, Any]:
         return self.features[list(indices)], self.labels[list(indices)]
@@ -77,202 +70,153 @@ class Pictures:
         return np.stack(images), labels
 
 
-def training_rows(pictures: DoorPictures, split: Split, copies: int) -> list[Wanted]:
-    """The pictures to learn from and their copies; copies are made after the split, of these
-    pictures only."""
+def wanted_rows(pictures: DoorPictures, indices: Sequence[int], copies: int = 0) -> list[Wanted]:
+    """These pictures and so many augmented copies of each."""
     return [
         Wanted(pictures.samples[i], pictures.digests[i], copy)
         for copy in range(copies + 1)
-        for i in split.train
+        for i in indices
     ]
+
+
+class SrinTraining(Training):
+    """The head on VGG16's features, kept in out/features.npz, then VGG16's top block."""
+
+    name = "cnn-srin"
+
+    def __init__(self, pictures: DoorPictures, options: SrinOptions, run: Run) -> None:
+        import keras
+
+        self.pictures, self.options, self.run = pictures, options, run
+        self.split = pictures.split(options.validation, options.seed)
+        keras.utils.set_random_seed(options.seed)
+        self._base = cnn_srin.build_base(options.first_weights, options.side)
+        self._base.trainable = False
+        self._head = cnn_srin.build_head()
+        rows = wanted_rows(pictures, self.split.train, options.copies)
+        held = wanted_rows(pictures, self.split.held)
+        cache = FeatureCache(run.out / "features.npz", self._base, options.seed)
+        if run.team.leads:
+            cache.features([*rows, *held], seen=run.seen)
+        run.team.told(None)  # the others wait for the file
+        if not run.team.leads:
+            cache = FeatureCache(run.out / "features.npz", self._base, options.seed)
+        self._train, self._held = (Rows(own, cache.features(own)) for own in (rows, held))
+        self._identity = outcome.identity(
+            [*(pictures.digests[i] for i in self.split.train), "held"],
+            pictures.digests,
+            cnn_srin.weights_digest(self._base),
+            options.copies,
+            options.fine_tune,
+            options.validation,
+        )
+
+    def fit_head(self, config: LoopConfig) -> list[Row]:
+        """Trains the head alone."""
+        return self.run.loop(
+            self._head, cnn_srin.losses, self._train, self._held, config, identity=self._identity
+        )
+
+    def fit(self) -> list[Row]:
+        options = self.options
+        history = self.fit_head(options.loop())
+        self._whole = cnn_srin.join(self._base, self._head)
+        if not options.fine_tune:
+            return history
+        # the second stage: VGG16's top block learns, too, a hundred times slower
+        self._base.trainable = True
+        for layer in self._base.layers:
+            layer.trainable = layer.name.startswith(cnn_srin.TOP_BLOCK)
+        train, held = (
+            Pictures(
+                [self.pictures.samples[i] for i in part],
+                options.side,
+                bool(options.copies),
+                options.seed,
+            )
+            for part in (self.split.train, self.split.held)
+        )
+        return history + self.run.loop(
+            self._whole,
+            cnn_srin.losses,
+            train,
+            held,
+            options.loop(
+                epochs=options.fine_tune, learning_rate=FINE_TUNE_RATE, first=options.epochs
+            ),
+            stem=f"fine-tune-after-{options.epochs}",  # another head needs another second stage
+            identity=self._identity,
+        )
+
+    def records(self) -> list[ClassifierRecord]:
+        """What the network as it is says of the held-out pictures."""
+        samples = [self.pictures.samples[i] for i in self.split.held]
+        if self.options.fine_tune:
+            p_open = predict(self._whole, Pictures(samples, self.options.side, False, 0))
+        else:
+            p_open = predict(self._head, self._held)
+        groups = [self.pictures.groups[i] for i in self.split.held]
+        return [
+            ClassifierRecord(s.name, group, bool(s.is_open), float(p), s.kinds)
+            for s, group, p in zip(samples, groups, p_open, strict=True)
+        ]
+
+    def describe(self) -> dict[str, Any]:
+        self._records = self.records()
+        self._scored = classifier.score(self._records)
+        labels = self.pictures.labels
+        return {
+            "initialised_from": self.options.weights,
+            "pictures": {
+                side: {label: sum(labels[i] == label for i in part) for label in sorted({*labels})}
+                for side, part in (("train", self.split.train), ("held_out", self.split.held))
+            },
+            **self.pictures.told(self.split),
+            "options": asdict(self.options),
+            "held_out": self._scored.to_dict(),
+        }
+
+    def export(self, path: Path, card: Mapping[str, Any]) -> float:
+        shown = {key: card[key] for key in ("name", "date", "initialised_from")}
+        return export_cnn_srin(self._whole, path, shown, self.options.side)
+
+    def illustrate(self, report: Report) -> None:
+        scored = {"held out": self._scored}
+        report.tables.append(pages.classifier_table(scored))
+        report.add_plot("confusion", "Confusion matrix", outcome.confusion(self._scored))
+        samples = {s.name: s for s in self.pictures.samples}
+        pages.add_classifier_pictures(report, samples, {"held out": self._records}, scored)
 
 
 @dataclass(frozen=True)
-class Prepared:
-    """What the head's training needs: the split, the frozen part, and features of both sides."""
+class EpochScores:
+    """Held-out scores by epochs, the losses of every epoch, and near-copies across the split."""
 
-    split: Split
-    base: Any
-    head: Any
-    train: Rows
-    held: Rows
-    identity: str
-
-    def records(
-        self, pictures: DoorPictures, p_open: NDArray[np.float64]
-    ) -> list[ClassifierRecord]:
-        """The held-out pictures with these probabilities."""
-        return [
-            ClassifierRecord(s.name, group, bool(s.is_open), float(p), s.kinds)
-            for s, group, p in (
-                (pictures.samples[i], pictures.groups[i], p)
-                for i, p in zip(self.split.held, p_open, strict=True)
-            )
-        ]
+    scored: dict[int, ClassifierMetrics]
+    history: list[Row]
+    leaks: int
 
 
-def prepare(
-    pictures: DoorPictures,
-    options: SrinOptions,
-    out: Path,
-    *,
-    seen: Callable[[int, int], None] = lambda done, total: None,
-    team: Team = ALONE,
-) -> Prepared:
-    """Splits, builds both parts and computes the features, kept in out/features.npz."""
-    import keras
+def score_epochs(
+    pictures: DoorPictures, options: SrinOptions, run: Run, epochs: Sequence[int]
+) -> EpochScores:
+    """Held-out scores of the head after each of `epochs`; options.epochs is not used.
 
-    split = split_pictures(pictures, options.validation, options.seed)
-    keras.utils.set_random_seed(options.seed)
-    base = cnn_srin.build_base(_weights(options.weights), options.side)
-    base.trainable = False
-    head = cnn_srin.build_head()
-    cache = FeatureCache(out / "features.npz", base, options.seed)
-    rows = training_rows(pictures, split, options.copies)
-    held = [Wanted(pictures.samples[i], pictures.digests[i]) for i in split.held]
-    if team.leads:
-        cache.features([*rows, *held], seen=seen)
-    team.told(None)  # the others wait for the file
-    if not team.leads:
-        cache = FeatureCache(out / "features.npz", base, options.seed)
-    return Prepared(
-        split,
-        base,
-        head,
-        _rows(rows, cache.features(rows)),
-        _rows(held, cache.features(held)),
-        _identity(pictures, split, options, cnn_srin.weights_digest(base)),
-    )
-
-
-def loop_config(options: SrinOptions) -> LoopConfig:
-    """How the head is trained."""
-    return LoopConfig(
-        epochs=options.epochs,
-        learning_rate=options.learning_rate,
-        batch=options.batch,
-        seed=options.seed,
-        patience=options.patience,
-        half=wants_half(options.precision),
-    )
-
-
-def train_cnn_srin(
-    pictures: DoorPictures,
-    options: SrinOptions,
-    out: Path,
-    *,
-    resume: bool = False,
-    watcher: Watcher | None = None,
-    seen: Callable[[int, int], None] = lambda done, total: None,
-    team: Team = ALONE,
-    facts: dict[str, Any] | None = None,
-) -> dict[str, Any]:
-    """Trains, writes out/cnn-srin.onnx, its card and report.html; returns what the card says.
-
-    watcher, seen: told of the training's and the features' progress. facts: for the card.
+    One training, stopped and resumed: as the learning rate is constant and the order of pictures
+    follows from seed and epoch alone, the weights after N epochs are those of a training for N.
     """
-    outcome.require_plots()
-    ready = prepare(pictures, options, out, seen=seen, team=team)
-    split, base, head, identity = ready.split, ready.base, ready.head, ready.identity
-    config = loop_config(options)
-    loop = Loop(
-        head,
-        cnn_srin.losses,
-        ready.train,
-        ready.held,
-        config,
-        out,
-        identity=identity,
-        watcher=watcher,
-        team=team,
-    )
-    history = loop.run(resume)
-    whole = cnn_srin.join(base, head)
-    tuned: list[Row] = []
-    if options.fine_tune:
-        tuned = _fine_tune(
-            whole, base, pictures, split, options, config, out, identity, resume, watcher, team
-        )
-    if not team.leads:
-        return {}
-    if options.fine_tune:
-        samples_held = [pictures.samples[i] for i in split.held]
-        p_open = predict(whole, Pictures(samples_held, options.side, False, 0))
-    else:
-        p_open = predict(head, ready.held)
-    records = ready.records(pictures, p_open)
-    scored = classifier.score(records)
-    card = _card(pictures, split, options, scored, facts or {})
-    path = out / "cnn-srin.onnx"
-    card["parity"] = export(
-        whole,
-        path,
-        [(3, options.side, options.side)],
-        ["p_open"],
-        lambda logits: logits.sigmoid().reshape(-1),
-        {key: card[key] for key in ("name", "date", "initialised_from")},
-        scale=255.0,
-    )
-    outcome.write_card(path, card)
-    samples = {s.name: s for s in pictures.samples}
-    outcome.classifier_report(out, card, [*history, *tuned], records, scored, samples)
-    return card
-
-
-def _fine_tune(
-    whole: Any,
-    base: Any,
-    pictures: DoorPictures,
-    split: Split,
-    options: SrinOptions,
-    config: LoopConfig,
-    out: Path,
-    identity: str,
-    resume: bool,
-    watcher: Watcher | None,
-    team: Team,
-) -> list[Row]:
-    """The second stage: VGG16's top block learns, too, a hundred times slower."""
-    base.trainable = True
-    for layer in base.layers:
-        layer.trainable = layer.name.startswith(cnn_srin.TOP_BLOCK)
-    sides = [
-        Pictures(
-            [pictures.samples[i] for i in part], options.side, bool(options.copies), config.seed
-        )
-        for part in (split.train, split.held)
-    ]
-    second = LoopConfig(
-        **{
-            **asdict(config),
-            "epochs": options.fine_tune,
-            "learning_rate": FINE_TUNE_RATE,
-            "first": options.epochs,
-        }
-    )
-    loop = Loop(
-        whole,
-        cnn_srin.losses,
-        sides[0],
-        sides[1],
-        second,
-        out,
-        stem=f"fine-tune-after-{options.epochs}",  # another head needs another second stage
-        identity=identity,
-        watcher=watcher,
-        team=team,
-    )
-    return loop.run(resume)
-
-
-def _rows(wanted: Sequence[Wanted], features: NDArray[np.float32]) -> Rows:
-    names = [f"{w.sample.name} (copy {w.copy})" if w.copy else w.sample.name for w in wanted]
-    return Rows(names, features, [w.sample.is_open for w in wanted])
+    training = SrinTraining(pictures, replace(options, fine_tune=0), run)
+    scored: dict[int, ClassifierMetrics] = {}
+    history: list[Row] = []
+    for count in sorted(set(epochs)):
+        training.run = replace(run, resume=bool(scored))
+        history = training.fit_head(options.loop(epochs=count))
+        scored[count] = classifier.score(training.records())
+    return EpochScores(scored, history, len(training.split.leaks))
 
 
 def predict(model: Any, data: Data, batch: int = 16) -> NDArray[np.float64]:
-    """(N,) probabilities of a model that gives logits."""
+    """(N,) probabilities of a model that returns logits."""
     import torch
 
     found: list[float] = []
@@ -282,46 +226,3 @@ def predict(model: Any, data: Data, batch: int = 16) -> NDArray[np.float64]:
             tensor = torch.from_numpy(inputs).to(device_of(model))
             found += model(tensor, training=False).sigmoid().flatten().tolist()
     return np.array(found)
-
-
-def _weights(text: str) -> str | Path:
-    return text if text in ("imagenet", "none") else Path(text)
-
-
-def _identity(pictures: DoorPictures, split: Split, options: SrinOptions, base: str) -> str:
-    return outcome.identity(
-        [*(pictures.digests[i] for i in split.train), "held"],
-        pictures.digests,
-        base,
-        options.copies,
-        options.fine_tune,
-        options.validation,
-    )
-
-
-def _card(
-    pictures: DoorPictures,
-    split: Split,
-    options: SrinOptions,
-    scored: ClassifierMetrics,
-    facts: dict[str, Any],
-) -> dict[str, Any]:
-    return {
-        "name": "cnn-srin",
-        **outcome.when_and_where(),
-        **facts,
-        "initialised_from": options.weights,
-        "pictures": {
-            side: {
-                label: sum(pictures.labels[i] == label for i in part)
-                for label in sorted(set(pictures.labels))
-            }
-            for side, part in (("train", split.train), ("held_out", split.held))
-        },
-        "left_out": dict(pictures.left_out),
-        "grouping": pictures.grouping,
-        "groups": len(set(pictures.groups)),
-        "near_copies_across_the_split": len(split.leaks),
-        "options": asdict(options),
-        "held_out": scored.to_dict(),
-    }

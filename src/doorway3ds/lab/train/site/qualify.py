@@ -20,12 +20,8 @@ from doorway3ds.camera.model import Pose
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.files import write_bytes
 from doorway3ds.lab.datasets import places as groups
-from doorway3ds.lab.datasets.doors import (
-    DoorPictures,
-    check_pictures,
-    require_half_open,
-    split_pictures,
-)
+from doorway3ds.lab.datasets.doors import DoorPictures, check_pictures, require_half_open
+from doorway3ds.lab.datasets.places import ALL, Choice, Seen, unseen
 from doorway3ds.lab.datasets.readers import CLASS_FOLDERS, guess_layout, read_dataset
 from doorway3ds.lab.datasets.samples import Sample as Picture
 from doorway3ds.lab.datasets.samples import load_frame, with_camera
@@ -61,12 +57,6 @@ MIN_PICTURES, MIN_PLACES = 8, 8  # pictures of each class, places altogether
 MIN_HELD = 4  # held-out places: fewer say next to nothing of the next one
 _READERS = {"nyu": read_nyu, "rendered": read_rendered, "plain": read_marked}
 _INNER = 0.25  # of what is not held out: stops and chooses
-
-Seen = Callable[[int, int], None]
-
-
-def _unseen(done: int, total: int) -> None:
-    pass
 
 
 @dataclass(frozen=True)
@@ -112,20 +102,18 @@ def network_file(name: str) -> Path:
 
 def read_site(
     folder: Path,
+    choice: Choice = ALL,
     *,
     places: Mapping[str, str] | None = None,
-    grouping: str = "auto",
-    pattern: str | None = None,
-    half_open: str = "leave-out",
     camera: tuple[FitCamera, Pose] | None = None,
-    seen: Seen = _unseen,
+    seen: Seen = unseen,
 ) -> DoorPictures:
     """The pictures of a folder per class, those that its doorways.csv marks, or both.
 
     Where both are there, the table's word counts for the pictures that it names. camera: of
     those that bring none. Raises UserError where there are too few, saying how many are needed.
     """
-    require_half_open(half_open)
+    require_half_open(choice.half_open)
     if not folder.is_dir():
         raise UserError(f"expected a folder of pictures, got {folder}")
     layout = guess_layout(folder)
@@ -145,15 +133,7 @@ def read_site(
         if missing:
             raise UserError(f"the places file names no place for {missing[0]}")
         samples, known = [replace(s, place=places[s.name]) for s in samples], True
-    found = check_pictures(
-        samples,
-        folder,
-        places_known=known,
-        grouping=grouping,
-        pattern=pattern,
-        half_open=half_open,
-        seen=seen,
-    )
+    found = check_pictures(samples, folder, choice, places_known=known, seen=seen)
     for label in sorted(set(found.labels)):
         count = found.labels.count(label)
         if count < MIN_PICTURES:
@@ -173,7 +153,7 @@ def read_site(
 def part(pictures: DoorPictures, hold_out: float, seed: int) -> Parts:
     """Whole places to learn from, to choose by and held out, each with both classes."""
     named = [replace(s, place=g) for s, g in zip(pictures.samples, pictures.groups, strict=True)]
-    first = split_pictures(pictures, hold_out, seed)
+    first = pictures.split(hold_out, seed)
     held = tuple(named[i] for i in first.held)
     places = len({s.place for s in held})
     if places < MIN_HELD:

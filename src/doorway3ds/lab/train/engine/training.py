@@ -1,0 +1,124 @@
+"""The skeleton of a training: fit, describe, export, illustrate; each network fills the steps."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+from doorway3ds.lab.datasets.places import Seen, unseen
+from doorway3ds.lab.evaluate.report.html import Report, write_report
+from doorway3ds.lab.train.engine import outcome
+from doorway3ds.lab.train.engine.backend import ALONE, Team, wants_half
+from doorway3ds.lab.train.engine.loop import Data, Loop, LoopConfig, Losses, Row, Watcher
+
+
+@dataclass(frozen=True)
+class TrainOptions:
+    """What every training can be told. weights: "imagenet", "none" or an HDF5 file.
+
+    validation: share of the pictures held out. patience: see `LoopConfig`. precision: "auto",
+    "float32" or "bfloat16".
+    """
+
+    epochs: int = 20
+    learning_rate: float = 1e-3
+    batch: int = 32
+    weights: str = "imagenet"
+    validation: float = 0.2
+    patience: int = 0
+    seed: int = 0
+    precision: str = "auto"
+
+    @property
+    def first_weights(self) -> str | Path:
+        """`weights` with a file as a path."""
+        return self.weights if self.weights in ("imagenet", "none") else Path(self.weights)
+
+    def loop(self, **more: Any) -> LoopConfig:
+        """How the loop runs; more: of `LoopConfig`, over what is said here."""
+        told = {
+            "epochs": self.epochs,
+            "learning_rate": self.learning_rate,
+            "batch": self.batch,
+            "seed": self.seed,
+            "patience": self.patience,
+            "half": wants_half(self.precision),
+        }
+        return LoopConfig(**{**told, **more})
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a training.
+
+    out: folder of checkpoints, logs and what it leaves. resume: go on from the checkpoint there.
+    watcher, seen: told of the training's and of other progress. facts: what else the card says.
+    """
+
+    out: Path
+    resume: bool = False
+    watcher: Watcher | None = None
+    seen: Seen = unseen
+    team: Team = ALONE
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+    def loop(
+        self, model: Any, losses: Losses, train: Data, held: Data, config: LoopConfig, **more: Any
+    ) -> list[Row]:
+        """Trains `model` in this run's folder; more: of `Loop`. One row of losses per epoch."""
+        loop = Loop(
+            model,
+            losses,
+            train,
+            held,
+            config,
+            self.out,
+            watcher=self.watcher,
+            team=self.team,
+            **more,
+        )
+        return loop.run(self.resume)
+
+
+class Training(ABC):
+    """One network's training."""
+
+    name: ClassVar[str]
+    run: Run
+
+    @abstractmethod
+    def fit(self) -> list[Row]:
+        """Trains; one row of losses per epoch."""
+
+    @abstractmethod
+    def describe(self) -> dict[str, Any]:
+        """What the card says of data, options and the held-out scores."""
+
+    @abstractmethod
+    def export(self, path: Path, card: Mapping[str, Any]) -> float:
+        """Writes the ONNX file; the largest difference to Keras."""
+
+    @abstractmethod
+    def illustrate(self, report: Report) -> None:
+        """Adds tables and pictures of the held-out scores."""
+
+    def __call__(self) -> dict[str, Any]:
+        """Trains and writes NAME.onnx, its card and report.html; returns what the card says.
+
+        Empty in every process of a team but the leader's.
+        """
+        outcome.require_plots()
+        history = self.fit()
+        if not self.run.team.leads:
+            return {}
+        card = {"name": self.name, **outcome.when_and_where(), **self.run.facts, **self.describe()}
+        path = self.run.out / f"{self.name}.onnx"
+        card["parity"] = self.export(path, card)
+        outcome.write_card(path, card)
+        report = outcome.training_report(card, history)
+        self.illustrate(report)
+        write_report(report, self.run.out, outcome.plain({"card": card, "history": history}))
+        return card
