@@ -9,7 +9,7 @@ import pytest
 from doorway3ds.camera.info import write_camera_info
 from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.errors import UserError
-from doorway3ds.lab.datasets import readers
+from doorway3ds.lab.datasets import readers, truth
 from doorway3ds.lab.datasets import samples as datasets
 from doorway3ds.lab.datasets.readers import read_dataset
 from tests.lab.conftest import HEADER, write_picture
@@ -17,7 +17,7 @@ from tests.lab.conftest import HEADER, write_picture
 
 def truth_of(sample):
     frame = datasets.load_frame(sample)
-    return datasets.picture_truth(sample, frame, datasets.load_depth(sample))
+    return truth.picture_truth(sample, frame, datasets.load_depth(sample))
 
 
 def test_nyu_is_cut_and_its_camera_moves_along(nyu):
@@ -335,7 +335,7 @@ def test_mirroring_picture_and_marks_mirrors_the_truth(nyu):
         replace(m, left_px=width - 1 - m.right_px, right_px=width - 1 - m.left_px)
         for m in sample.openings
     )
-    mirrored = datasets.picture_truth(
+    mirrored = truth.picture_truth(
         replace(sample, openings=marks),
         replace(frame, camera=frame.camera.mirrored()),
         depth[:, ::-1],

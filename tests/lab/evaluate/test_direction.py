@@ -3,8 +3,9 @@ from dataclasses import replace
 
 import pytest
 
+from doorway3ds.lab.datasets.truth import PictureTruth, TruthOpening
 from doorway3ds.lab.evaluate import direction
-from doorway3ds.lab.evaluate.direction import DirectionRecord, PictureTruth, TruthOpening
+from doorway3ds.lab.evaluate.direction import DirectionRecord
 
 
 def doorway(bearing=0.0, half=5.0, clear=True, range_m=None, second=False):

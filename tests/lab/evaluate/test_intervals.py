@@ -52,8 +52,8 @@ def test_bootstrap_by_place_covers_and_by_picture_does_not():
     for trial in range(100):
         values = np.repeat(rng.normal(size=40), 10) + 0.3 * rng.normal(size=400)
         for names, add in ((places, 1), (pictures, 0)):
-            _, low, high = bootstrap(mean_of(values), names, repeats=200, seed=trial)
-            inside = bool(low[0] <= 0 <= high[0])
+            (found,) = bootstrap(mean_of(values), names, [400], repeats=200, seed=trial)
+            inside = bool(found.low <= 0 <= found.high)
             by_place += inside * add
             by_picture += inside * (1 - add)
     assert by_place >= 87
@@ -62,16 +62,17 @@ def test_bootstrap_by_place_covers_and_by_picture_does_not():
 
 def test_bootstrap_repeats_with_its_seed():
     values, places = np.arange(30.0), [str(i // 3) for i in range(30)]
-    first = bootstrap(mean_of(values), places, repeats=100, seed=5)
-    again = bootstrap(mean_of(values), places, repeats=100, seed=5)
-    assert first[1] == again[1] and first[2] == again[2]
+    first, again, other = (
+        bootstrap(mean_of(values), places, [30], repeats=100, seed=seed) for seed in (5, 5, 6)
+    )
+    assert first == again != other
 
 
 def test_no_interval_from_one_place_or_without_repeats():
     for places, repeats in ((["a"] * 4, 100), (["a", "b", "c", "d"], 0)):
-        value, low, high = bootstrap(mean_of([1, 2, 3, 4]), places, repeats=repeats)
-        assert value[0] == 2.5
-        assert math.isnan(low[0]) and math.isnan(high[0])
+        (found,) = bootstrap(mean_of([1, 2, 3, 4]), places, [4], repeats=repeats)
+        assert (found.value, found.n) == (2.5, 4)
+        assert math.isnan(found.low) and math.isnan(found.high)
 
 
 def test_unknown_values_are_left_out_of_the_mean():
@@ -85,8 +86,8 @@ def test_paired_difference_is_narrower_than_its_parts():
     hard = np.repeat(rng.normal(size=20), 5)
     places = [str(i // 5) for i in range(100)]
     a, b = mean_of(hard), mean_of(hard + 0.1 + 0.05 * rng.normal(size=100))
-    value, low, high = paired_difference(a, b, places, repeats=500)
-    _, a_low, a_high = bootstrap(a, places, repeats=500)
-    assert value[0] == pytest.approx(0.1, abs=0.02)
-    assert low[0] > 0
-    assert high[0] - low[0] < (a_high[0] - a_low[0]) / 10
+    (found,) = paired_difference(a, b, places, [100], repeats=500)
+    (part,) = bootstrap(a, places, [100], repeats=500)
+    assert found.value == pytest.approx(0.1, abs=0.02)
+    assert found.low > 0
+    assert found.high - found.low < (part.high - part.low) / 10

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from doorway3ds.camera.model import Camera, Pose, bearing_of_pixel
+from doorway3ds.lab.datasets.truth import PictureTruth, TruthOpening
 from doorway3ds.lab.evaluate import direction, kinds
-from doorway3ds.lab.evaluate.direction import DirectionRecord, PictureTruth, TruthOpening
+from doorway3ds.lab.evaluate.direction import DirectionRecord
 from doorway3ds.lab.evaluate.kinds import ANY, NONE
 from doorway3ds.types import Frame
 

@@ -17,17 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera.choice import FitCamera, default_camera, turned_camera
-from doorway3ds.camera.model import (
-    Camera,
-    Pose,
-    back_project,
-    bearing_of_pixel,
-    ray_to_pixel,
-    rotation,
-)
+from doorway3ds.camera.model import Camera, Pose, ray_to_pixel, rotation
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.images.codec import read_image
-from doorway3ds.lab.evaluate.direction import PictureTruth, TruthOpening
 from doorway3ds.types import Frame
 
 # What is easily taken for an open doorway, and the NYU40 ids minus 1 that count as it.
@@ -146,58 +138,6 @@ def kinds_shown(sample: Sample, labels: NDArray[np.uint8] | None) -> tuple[str, 
         return sample.kinds
     shown = [k for k, ids in NYU_KINDS.items() if np.isin(labels, ids).mean() >= KIND_SHARE]
     return (*sample.kinds, *shown)
-
-
-def picture_truth(sample: Sample, frame: Frame, depth_m: NDArray[Any] | None) -> PictureTruth:
-    """What the marks say in degrees and metres, by the frame's camera and pose.
-
-    A marked opening's bearing is that of the ray through (left_px + right_px) / 2 at the
-    picture's middle row. Its range is the marked one, else that of its jambs in true depth.
-    """
-    camera, pose = frame.camera, frame.pose
-    row = (camera.height - 1) / 2
-    openings = []
-    for marked in sample.openings:
-        range_m = marked.range_m
-        if range_m is None and depth_m is not None:
-            range_m = threshold_range_m(depth_m, camera, pose, marked.left_px, marked.right_px)
-        columns = (marked.left_px, (marked.left_px + marked.right_px) / 2, marked.right_px)
-        left, middle, right = bearing_of_pixel(camera, pose, [(x, row) for x in columns], range_m)
-        openings.append(
-            TruthOpening(
-                float(left), float(right), float(middle), range_m, marked.clear, marked.second
-            )
-        )
-    openings.sort(key=lambda opening: opening.second)
-    return PictureTruth(sample.name, sample.place, sample.is_open, tuple(openings))
-
-
-def threshold_range_m(
-    depth_m: NDArray[Any], camera: Camera, pose: Pose, left_px: float, right_px: float
-) -> float | None:
-    """Horizontal distance to the middle between the jambs, from true depth.
-
-    A jamb is read as the median point of a strip just outside the opening (0.5 to 2.5 % of the
-    width, the middle tenth of the rows). None where the picture's edge cuts a jamb or its
-    depth is unknown.
-    """
-    height, width = depth_m.shape
-    scale = width / camera.width
-    near, far = 0.005 * width, 0.025 * width
-    left, right = (left_px + 0.5) * scale - 0.5, (right_px + 0.5) * scale - 0.5
-    strips = ((left - far, left - near), (right + near, right + far))
-    if strips[0][0] < 0 or strips[1][1] > width - 1:
-        return None
-    rows = slice(round(0.45 * height), max(round(0.55 * height), round(0.45 * height) + 1))
-    points = back_project(camera, pose, depth_m)[rows]
-    jambs = []
-    for start, end in strips:
-        strip = points[:, round(start) : round(end) + 1, :2].reshape(-1, 2)
-        strip = strip[np.isfinite(strip).all(axis=1)]
-        if len(strip) == 0:
-            return None
-        jambs.append(np.median(strip, axis=0))
-    return float(math.hypot(*((jambs[0] + jambs[1]) / 2)))
 
 
 def bearing_to_column(frame: Frame, bearing_deg: float) -> float:

@@ -83,14 +83,14 @@ def score(
         ece = metrics.calibration(t, q, ECE_BINS).ece
         return np.array([c.accuracy, c.balanced_accuracy, metrics.auc(t, q), ece])
 
-    value, low, high = intervals.bootstrap(statistic, places, repeats, seed)
+    names = ("accuracy", "balanced_accuracy", "auc", "ece")
+    by_place = intervals.bootstrap(statistic, places, [len(records)] * len(names), repeats, seed)
     c = metrics.confusion(truth, answer)
     kinds = sorted({kind for r in records if not r.is_open for kind in r.kinds})
     false_open = {}
     for kind in kinds:
         members = np.array([not r.is_open and kind in r.kinds for r in records], bool)
         false_open[kind] = wilson(int(answer[members].sum()), int(members.sum()))
-    names = ("accuracy", "balanced_accuracy", "auc", "ece")
     return ClassifierMetrics(
         threshold=threshold,
         pictures=len(records),
@@ -101,10 +101,7 @@ def score(
             "sensitivity": wilson(c.tp, c.tp + c.fn),
             "specificity": wilson(c.tn, c.tn + c.fp),
         },
-        by_place={
-            name: Interval(float(value[m]), float(low[m]), float(high[m]), len(records))
-            for m, name in enumerate(names)
-        },
+        by_place=dict(zip(names, by_place, strict=True)),
         calibration=metrics.calibration(truth, p, ECE_BINS),
         false_open=false_open,
     )

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from doorway3ds.lab.datasets.truth import PictureTruth
 from doorway3ds.lab.evaluate import intervals, metrics
 from doorway3ds.lab.evaluate.intervals import Indices, Interval, nan_mean, nan_quantile
 from doorway3ds.types import Decision
@@ -29,42 +30,6 @@ FloatArray = NDArray[np.floating[Any]]
 
 TOLERANCE_DEG = 5.0
 GO_REASONS = ("turn", "aligned")
-
-
-@dataclass(frozen=True)
-class TruthOpening:
-    """One marked opening as seen from the turning axis; left_deg > right_deg.
-
-    clear: whether the way to it is free, None = cannot be told. second: a further opening.
-    """
-
-    left_deg: float
-    right_deg: float
-    bearing_deg: float
-    range_m: float | None = None
-    clear: bool | None = None
-    second: bool = False
-
-
-@dataclass(frozen=True)
-class PictureTruth:
-    """What a picture shows. is_open None (half-open only) stays out of p_open's score.
-
-    place: pictures of one place depend on each other. openings: main one first; without any,
-    and is_open False, there is no doorway to go to. kinds: what such a picture shows that is
-    easily taken for one.
-    """
-
-    image: str
-    place: str
-    is_open: bool | None
-    openings: tuple[TruthOpening, ...] = ()
-    kinds: tuple[str, ...] = ()
-
-    @property
-    def unmarked(self) -> bool:
-        """Whether it shows a doorway, open or half open, and nobody said where."""
-        return self.is_open is not False and not self.openings
 
 
 @dataclass(frozen=True)
@@ -258,16 +223,12 @@ def score(
     """
     places = [record.truth.place for record in records]
     statistic, counts = _statistic(records)
-    value, low, high = intervals.bootstrap(statistic, places, repeats, seed, confidence)
-    names = list(METRICS)
+    values = intervals.bootstrap(statistic, places, counts, repeats, seed, confidence)
     return DirectionMetrics(
         pictures=len(records),
         doorway_pictures=sum(bool(record.truth.openings) for record in records),
         places=len(set(places)),
-        values={
-            name: Interval(float(value[m]), float(low[m]), float(high[m]), counts[name])
-            for m, name in enumerate(names)
-        },
+        values=dict(zip(METRICS, values, strict=True)),
     )
 
 
@@ -287,16 +248,13 @@ def difference(
     places = [record.truth.place for record in first]
     a, counts = _statistic(first)
     b, _ = _statistic(second)
-    value, low, high = intervals.paired_difference(a, b, places, repeats, seed, confidence)
-    return {
-        name: Interval(float(value[m]), float(low[m]), float(high[m]), counts[name])
-        for m, name in enumerate(METRICS)
-    }
+    values = intervals.paired_difference(a, b, places, counts, repeats, seed, confidence)
+    return dict(zip(METRICS, values, strict=True))
 
 
 def _statistic(
     records: Sequence[DirectionRecord],
-) -> tuple[Callable[[Indices], FloatArray], dict[str, int]]:
+) -> tuple[Callable[[Indices], FloatArray], list[int]]:
     """A function from picture indices to the values of METRICS, and each one's pictures."""
     outcomes = [judge(record) for record in records]
 
@@ -348,7 +306,7 @@ def _statistic(
     counts = {name: int(np.sum(~np.isnan(v))) for name, v in means.items()}
     counts |= {name: int(np.sum(~np.isnan(v))) for name, (v, _) in quantiles.items()}
     counts["auc"] = int(np.sum(~np.isnan(is_open)))
-    return statistic, counts
+    return statistic, [counts[name] for name in METRICS]
 
 
 def _turn_between(a_deg: float, b_deg: float) -> float:

@@ -62,51 +62,52 @@ def wilson(successes: int, n: int, confidence: float = 0.95) -> Interval:
 def bootstrap(
     statistic: Statistic,
     places: Sequence[str],
+    counts: Sequence[int],
     repeats: int = 2000,
     seed: int = 0,
     confidence: float = 0.95,
-) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]], NDArray[np.floating[Any]]]:
-    """Values of `statistic` on all pictures and the percentile interval over resampled places.
+) -> list[Interval]:
+    """Values of `statistic` on all pictures with the percentile interval over resampled places.
 
-    Returns (value, low, high), each (M,). Resamples in which a value is undefined (no picture
-    of its kind drawn) are left out of that value's percentiles. `repeats` 0, or a single place,
-    gives nan intervals.
+    counts: (M,) pictures that each value rests on. Resamples in which a value is undefined (no
+    picture of its kind drawn) are left out of that value's percentiles. `repeats` 0, or a single
+    place, leaves the intervals nan.
     """
     value = np.asarray(statistic(np.arange(len(places))), float)
-    nothing = np.full_like(value, math.nan)
-    if repeats == 0 or len(set(places)) < 2:
-        return value, nothing, nothing.copy()
-    draws = np.stack([statistic(indices) for indices in _resamples(places, repeats, seed)])
+    draws = np.empty((0, len(value)))
+    if repeats > 0 and len(set(places)) > 1:
+        draws = np.stack([statistic(indices) for indices in _resamples(places, repeats, seed)])
     tail = (1 - confidence) / 2
-    low, high = nothing, nothing.copy()
-    for m in range(len(value)):
+    found = []
+    for m, count in enumerate(counts):
+        low = high = math.nan
         # An interval from a handful of lucky resamples would be worse than none.
         defined = draws[~np.isnan(draws[:, m]), m]
-        if len(defined) >= repeats / 2:
-            low[m], high[m] = np.quantile(defined, [tail, 1 - tail])
-    return value, low, high
+        if len(defined) >= max(repeats / 2, 1):
+            low, high = np.quantile(defined, [tail, 1 - tail])
+        found.append(Interval(float(value[m]), float(low), float(high), count))
+    return found
 
 
 def paired_difference(
     first: Statistic,
     second: Statistic,
     places: Sequence[str],
+    counts: Sequence[int],
     repeats: int = 2000,
     seed: int = 0,
     confidence: float = 0.95,
-) -> tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]], NDArray[np.floating[Any]]]:
+) -> list[Interval]:
     """`second - first` with its interval, both computed on the same resampled places.
 
     The two see the same pictures, so most of the scatter cancels: the interval is about the
     difference, not about either value.
     """
-    return bootstrap(
-        lambda indices: np.asarray(second(indices)) - np.asarray(first(indices)),
-        places,
-        repeats,
-        seed,
-        confidence,
-    )
+
+    def difference(indices: Indices) -> NDArray[np.floating[Any]]:
+        return np.asarray(second(indices)) - np.asarray(first(indices))
+
+    return bootstrap(difference, places, counts, repeats, seed, confidence)
 
 
 def mean_interval(
@@ -114,12 +115,11 @@ def mean_interval(
 ) -> Interval:
     """Mean of the known (not nan) values with its interval by place."""
     array = np.asarray(values, float)
-
-    def mean(indices: Indices) -> NDArray[np.floating[Any]]:
-        return np.array([nan_mean(array[indices])])
-
-    value, low, high = bootstrap(mean, places, repeats, seed)
-    return Interval(float(value[0]), float(low[0]), float(high[0]), int(np.sum(~np.isnan(array))))
+    known = int(np.sum(~np.isnan(array)))
+    (found,) = bootstrap(
+        lambda indices: np.array([nan_mean(array[indices])]), places, [known], repeats, seed
+    )
+    return found
 
 
 def nan_mean(values: NDArray[np.floating[Any]]) -> float:

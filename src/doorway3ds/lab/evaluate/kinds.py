@@ -118,12 +118,8 @@ def score(
         n = np.sum(~np.isnan(drawn), axis=0)
         return np.where(n > 0, np.nansum(drawn, axis=0) / np.maximum(n, 1), math.nan)
 
-    value, low, high = intervals.bootstrap(shares, places, repeats, seed, confidence)
-    counts = np.sum(~np.isnan(table), axis=0)
-    found = [
-        Interval(float(v), float(a), float(b), int(n))
-        for v, a, b, n in zip(value, low, high, counts, strict=True)
-    ]
+    counts = np.sum(~np.isnan(table), axis=0).tolist()
+    found = intervals.bootstrap(shares, places, counts, repeats, seed, confidence)
     return {
         kind: KindScore(
             int(member.sum()),

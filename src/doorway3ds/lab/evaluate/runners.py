@@ -24,15 +24,14 @@ from doorway3ds.lab.datasets.samples import (
     load_depth,
     load_frame,
     load_labels,
-    picture_truth,
 )
+from doorway3ds.lab.datasets.truth import PictureTruth, picture_truth
 from doorway3ds.lab.evaluate import depth as depth_scores
 from doorway3ds.lab.evaluate import kinds as kind_scores
 from doorway3ds.lab.evaluate.classifier import ClassifierRecord
 from doorway3ds.lab.evaluate.depth import DepthRecord
 from doorway3ds.lab.evaluate.direction import (
     DirectionRecord,
-    PictureTruth,
     record_from_decision,
     record_from_json,
 )

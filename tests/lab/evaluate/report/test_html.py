@@ -7,7 +7,8 @@ import pytest
 
 from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.lab.datasets import samples as datasets
-from doorway3ds.lab.evaluate.direction import DirectionRecord, PictureTruth, TruthOpening, judge
+from doorway3ds.lab.datasets.truth import PictureTruth, TruthOpening
+from doorway3ds.lab.evaluate.direction import DirectionRecord, judge
 from doorway3ds.lab.evaluate.intervals import Interval
 from doorway3ds.lab.evaluate.report import pages, plots, sheets
 from doorway3ds.lab.evaluate.report.html import Report, Table, cell, render, write_report

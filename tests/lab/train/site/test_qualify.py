@@ -18,7 +18,8 @@ keras = pytest.importorskip("keras")
 
 from doorway3ds.cli.main import run  # noqa: E402
 from doorway3ds.errors import UserError  # noqa: E402
-from doorway3ds.lab.evaluate.direction import DirectionRecord, PictureTruth, TruthOpening  # noqa: E402
+from doorway3ds.lab.datasets.truth import PictureTruth, TruthOpening  # noqa: E402
+from doorway3ds.lab.evaluate.direction import DirectionRecord  # noqa: E402
 from doorway3ds.lab.train.doornet.data.augment import view  # noqa: E402
 from doorway3ds.lab.train.doornet.data.samples import Sample  # noqa: E402
 from doorway3ds.lab.train.doornet.export import export_onnx  # noqa: E402

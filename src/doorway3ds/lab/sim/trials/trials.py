@@ -211,10 +211,13 @@ def difference(episodes: Sequence[Episode], scene: str = "all") -> Interval | No
         return None
     opening, paper = (np.array([float(by[(*s, m)].success) for s in both]) for m in METHODS)
     places = [f"{scene} {seed}" for scene, seed in both]
-    value, low, high = paired_difference(
-        lambda i: np.array([paper[i].mean()]), lambda i: np.array([opening[i].mean()]), places
+    (found,) = paired_difference(
+        lambda i: np.array([paper[i].mean()]),
+        lambda i: np.array([opening[i].mean()]),
+        places,
+        [len(both)],
     )
-    return Interval(float(value[0]), float(low[0]), float(high[0]), len(both))
+    return found
 
 
 def table(episodes: Sequence[Episode]) -> str:

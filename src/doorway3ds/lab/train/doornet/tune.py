@@ -23,10 +23,10 @@ from doorway3ds.lab.datasets.samples import (
     load_depth,
     load_frame,
     parse_split,
-    picture_truth,
 )
+from doorway3ds.lab.datasets.truth import PictureTruth, picture_truth
 from doorway3ds.lab.evaluate import direction
-from doorway3ds.lab.evaluate.direction import DirectionMetrics, DirectionRecord, PictureTruth
+from doorway3ds.lab.evaluate.direction import DirectionMetrics, DirectionRecord
 from doorway3ds.lab.train.doornet.export import set_metadata
 from doorway3ds.lab.train.doornet.run import read_calibration
 from doorway3ds.networks.base import Network

@@ -89,21 +89,17 @@ def compare(
     places = [r.truth.place for r in before]
     columns = [_columns(records) for records in (before, after)]
     first, second = (_statistic(column) for column in columns)
-    found = [
-        intervals.bootstrap(first, places, repeats, seed),
-        intervals.bootstrap(second, places, repeats, seed),
-        intervals.paired_difference(first, second, places, repeats, seed),
+    known = {name: int(np.sum(~np.isnan(values))) for name, values in columns[0].items()}
+    counts = [known.get(name, len(before)) for name in MEASURES]
+    sides = [
+        dict(zip(MEASURES, found, strict=True))
+        for found in (
+            intervals.bootstrap(first, places, counts, repeats, seed),
+            intervals.bootstrap(second, places, counts, repeats, seed),
+            intervals.paired_difference(first, second, places, counts, repeats, seed),
+        )
     ]
-    counts = {name: int(np.sum(~np.isnan(values))) for name, values in columns[0].items()}
-    counts |= {"right": len(before), "auc": len(before)}
-    named = [
-        {
-            name: Interval(float(v[m]), float(low[m]), float(high[m]), counts[name])
-            for m, name in enumerate(MEASURES)
-        }
-        for v, low, high in found
-    ]
-    return Comparison(named[0], named[1], named[2], len(before), len(set(places)))
+    return Comparison(sides[0], sides[1], sides[2], len(before), len(set(places)))
 
 
 def judge(comparison: Comparison, depth_change: float) -> Verdict:
