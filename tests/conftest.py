@@ -10,8 +10,8 @@ import pytest
 
 from doorway3ds.cli.main import run
 from doorway3ds.networks import registry
-from tests import tinynets
-from tests.pictures import encode, scene
+from tests import factories
+from tests.factories import encode, scene
 
 # Tests of training import torch and keras at their head; the core's tests run without them.
 collect_ignore = [] if find_spec("torch") and find_spec("keras") else ["lab/train"]
@@ -43,7 +43,7 @@ def cli(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
     """Runs `3ds` in this process, in an empty folder that holds net.onnx and photo.jpg."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv(registry.FOLDER_VARIABLE, str(tmp_path / "models"))
-    tinynets.doornet(tmp_path / "net.onnx", left=0.2, right=0.4)
+    factories.doornet(tmp_path / "net.onnx", left=0.2, right=0.4)
     (tmp_path / "photo.jpg").write_bytes(encode(scene(160, 120)))
 
     def call(*arguments: object) -> Ran:

@@ -11,7 +11,7 @@ import pytest
 from doorway3ds.errors import UserError
 from doorway3ds.images.codec import read_image
 from doorway3ds.lab import benchmark
-from tests import tinynets
+from tests import factories
 from tests.conftest import Cli
 
 
@@ -36,7 +36,7 @@ def test_stages_cold_start_and_memory(cli: Cli) -> None:
 
 
 def test_two_networks_as_a_ratio_and_random_weights_labelled(cli: Cli) -> None:
-    tinynets.doornet(Path("raw.onnx"), metadata=tinynets.METADATA | {"weights": "random"})
+    factories.doornet(Path("raw.onnx"), metadata=factories.METADATA | {"weights": "random"})
     names = ("--network", "net.onnx", "--network", "raw.onnx")
     ran = cli("bench", *names, "--repeat", 20, "--starts", 0, "--out", "res")
     assert ran.status == 0, ran.err
@@ -58,8 +58,8 @@ def test_ratio_of_known_samples() -> None:
 
 
 def test_the_paper_s_networks_run_the_paper_s_method(cli: Cli) -> None:
-    tinynets.cnn_srin(Path("c.onnx"))
-    tinynets.densedepth(Path("d.onnx"))
+    factories.cnn_srin(Path("c.onnx"))
+    factories.densedepth(Path("d.onnx"))
     pair = ("--network", "c.onnx+d.onnx")
     ran = cli("bench", *pair, "--repeat", 3, "--starts", 1, "--out", "res")
     assert ran.status == 0, ran.err

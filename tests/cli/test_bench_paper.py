@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from doorway3ds.lab.train.paper import convert
-from tests import tinynets
+from tests import factories
 from tests.conftest import Cli
 
 
@@ -19,10 +19,10 @@ def test_the_pair_is_made_where_it_is_not_installed(
 
     def write(name: str, path: Path) -> None:
         made.append(name)
-        tinynets.densedepth(path)
+        factories.densedepth(path)
 
     monkeypatch.setattr(convert, "write_untrained", write)
-    tinynets.cnn_srin(tmp_path / "models" / "cnn-srin.onnx")
+    factories.cnn_srin(tmp_path / "models" / "cnn-srin.onnx")
     options = ("--against-paper", "--network", "net.onnx", "--repeat", 3, "--starts", 0)
     ran = cli("bench", *options, "--out", "res")
     assert ran.status == 0, ran.err

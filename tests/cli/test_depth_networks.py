@@ -12,9 +12,9 @@ import pytest
 from doorway3ds.cli.main import run
 from doorway3ds.networks.depth.presets import METRIC, RELATIVE
 from doorway3ds.networks.registry import install
-from tests import tinynets
+from tests import factories
 from tests.conftest import Cli
-from tests.pictures import encode, scene
+from tests.factories import encode, scene
 
 METRES = "depth: {unit: cm, short_side: 56, multiple: 14, focal_px: 100}\n"
 NO_METRES = "depth: {unit: relative-inverse, width: 64, height: 48}\n"
@@ -22,7 +22,7 @@ NO_METRES = "depth: {unit: relative-inverse, width: 64, height: 48}\n"
 
 def network(name: str, sidecar: str, gain: float = 0.0, offset: float = 250.0) -> str:
     """A file beside net.onnx and its sidecar, joined with the doorway network."""
-    tinynets.depth_file(Path(f"{name}.onnx"), gain=gain, offset=offset)
+    factories.depth_file(Path(f"{name}.onnx"), gain=gain, offset=offset)
     Path(f"{name}.yaml").write_text(sidecar)
     return f"net.onnx+{name}.onnx"
 
@@ -67,7 +67,7 @@ def test_relative_depth_needs_the_lens_height(cli: Cli) -> None:
 
 def test_relative_depth_needs_a_floor(cli: Cli) -> None:
     network("rel", NO_METRES)
-    tinynets.cnn_srin(Path("srin.onnx"))
+    factories.cnn_srin(Path("srin.onnx"))
     ran = cli(
         *("look", "photo.jpg", "--method", "paper", "--network", "srin.onnx+rel.onnx"),
         *("--height-m", 0.5),
@@ -94,7 +94,7 @@ def test_sidecars_are_refused_in_one_line(cli: Cli, sidecar: str, part: str) -> 
 
 
 def test_a_preset_is_imported_and_used_by_name(cli: Cli) -> None:
-    tinynets.depth_file(Path("da.onnx"), gain=0.1, offset=2.0)
+    factories.depth_file(Path("da.onnx"), gain=0.1, offset=2.0)
     assert cli("models", "import", METRIC, "da.onnx").status == 0
     assert cli("models", "import", RELATIVE, "net.onnx").status == 1
     ran = cli("look", "--json", "photo.jpg", "--network", f"net.onnx+{METRIC}")
@@ -121,7 +121,7 @@ def test_the_server_offers_what_is_there_and_can_be_used(cli: Cli) -> None:
     choice = pytest.importorskip("doorway3ds.web.serve.choice")
     from doorway3ds.web.serve.settings import Settings
 
-    made = tinynets.depth_file(Path("da.onnx"), offset=2.0)
+    made = factories.depth_file(Path("da.onnx"), offset=2.0)
     for name in (METRIC, RELATIVE):
         install(name, made, source="da.onnx")
     pipelines = choice.Pipelines(Settings(network="doornet"))

@@ -22,9 +22,8 @@ from doorway3ds.images.film import Film
 from doorway3ds.robots.runlog import looks, read_log
 from doorway3ds.sources import LiveSource, open_source
 from tests.conftest import Cli
+from tests.factories import encode, film, number, scene
 from tests.live.test_tracker import look, opening, settled
-from tests.pictures import encode, scene
-from tests.sources.films import film, number
 from tests.sources.servers import MjpegServer
 
 NET = ("--network", "net.onnx")

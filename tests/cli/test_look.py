@@ -17,9 +17,9 @@ import pytest
 from doorway3ds.camera.info import write_camera_info
 from doorway3ds.camera.model import Camera
 from doorway3ds.images.codec import read_image
-from tests import tinynets
+from tests import factories
 from tests.conftest import Cli
-from tests.pictures import encode, scene
+from tests.factories import encode, scene
 
 NET = ("--network", "net.onnx")
 KEYS = [
@@ -192,7 +192,7 @@ def test_exif_focal_length_is_said(cli: Cli) -> None:
 
 
 def test_no_door(cli: Cli) -> None:
-    tinynets.doornet(Path("shut.onnx"), p_open=-2.0)
+    factories.doornet(Path("shut.onnx"), p_open=-2.0)
     ran = cli("look", "photo.jpg", "--network", "shut.onnx")
     assert ran.out == "photo.jpg: no open door 0.12 · stay · camera assumed 60.9 deg\n"
     found = json.loads(cli("look", "photo.jpg", "--json", "--network", "shut.onnx").out)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from tests import tinynets
+from tests import factories
 from tests.conftest import Cli
 
 
@@ -25,7 +25,7 @@ def test_lists_every_network_with_how_to_get_it(cli: Cli) -> None:
 
 
 def test_import_and_damage(cli: Cli) -> None:
-    file = tinynets.cnn_srin(Path("mine.onnx"))
+    file = factories.cnn_srin(Path("mine.onnx"))
     ran = cli("models", "import", "cnn-srin", file, "--licence", "CC0-1.0")
     assert ran.status == 0
     row = rows(cli)["cnn-srin"]

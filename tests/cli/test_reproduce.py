@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Cli
-from tests.pictures import encode, scene
+from tests.factories import encode, scene
 
 
 @pytest.fixture

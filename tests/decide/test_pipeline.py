@@ -17,8 +17,8 @@ from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.errors import UserError
 from doorway3ds.networks.doornet import DoorNet
 from doorway3ds.types import Frame, Perception, Reason
-from tests import tinynets
-from tests.pictures import encode, scene
+from tests import factories
+from tests.factories import encode, scene
 
 
 @dataclass(frozen=True)
@@ -118,20 +118,20 @@ def test_a_method_says_what_its_network_lacks() -> None:
 
 
 def test_limits_come_with_the_network(tmp_path: Path) -> None:
-    metadata = tinynets.METADATA | {"thresholds": {"sure_score": 0.7, "floor": {}}}
-    network = DoorNet(tinynets.doornet(tmp_path / "n.onnx", metadata=metadata), threads=1)
+    metadata = factories.METADATA | {"thresholds": {"sure_score": 0.7, "floor": {}}}
+    network = DoorNet(factories.doornet(tmp_path / "n.onnx", metadata=metadata), threads=1)
     params = Pipeline(network).params
     assert params is not None
     assert params.sure_score == 0.7
-    bad = tinynets.METADATA | {"thresholds": {"nonsense": 1}}
-    network = DoorNet(tinynets.doornet(tmp_path / "b.onnx", metadata=bad), threads=1)
+    bad = factories.METADATA | {"thresholds": {"nonsense": 1}}
+    network = DoorNet(factories.doornet(tmp_path / "b.onnx", metadata=bad), threads=1)
     with pytest.raises(UserError, match="no limit 'nonsense'"):
         Pipeline(network)
 
 
 def test_same_picture_same_answer_bit_for_bit(tmp_path: Path) -> None:
     data = encode(np.random.default_rng(1).integers(0, 256, (480, 640, 3), dtype=np.uint8))
-    pipeline = Pipeline(DoorNet(tinynets.doornet(tmp_path / "n.onnx")))
+    pipeline = Pipeline(DoorNet(factories.doornet(tmp_path / "n.onnx")))
     answers = [pipeline(data).to_dict() for _ in range(3)]
     for answer in answers:
         answer.pop("timings_ms")

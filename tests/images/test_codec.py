@@ -18,7 +18,7 @@ from PIL import Image
 
 from doorway3ds.errors import UserError
 from doorway3ds.images.codec import image_size, is_image, read_image, write_image
-from tests.pictures import FORMATS, encode, scene
+from tests.factories import FORMATS, encode, scene
 
 RED, BLUE = (230, 20, 20), (20, 20, 230)
 

@@ -20,7 +20,7 @@ from PIL import Image
 from doorway3ds.errors import UserError
 from doorway3ds.images.codec import read_image
 from tests.conftest import Cli
-from tests.pictures import encode, scene
+from tests.factories import encode, scene
 
 NET = ("--network", "net.onnx")
 LIMIT_S = 2.0

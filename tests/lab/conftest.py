@@ -8,12 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-HEADER = "image,open,left_px,right_px,clear,confidence,second"
-
-
-def write_picture(path: Path, width: int, height: int, value: int = 128) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    cv2.imwrite(str(path), np.full((height, width, 3), value, np.uint8))
+from tests.factories import HEADER, write_picture
 
 
 @pytest.fixture

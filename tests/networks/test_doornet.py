@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from doorway3ds.camera.model import Camera
 from doorway3ds.errors import UserError
 from doorway3ds.networks.doornet import DoorNet, place, prepare
-from tests import tinynets
+from tests import factories
 
 
 def camera(width: int, height: int, fx: float = 500.0) -> Camera:
@@ -21,7 +21,7 @@ def camera(width: int, height: int, fx: float = 500.0) -> Camera:
 
 @pytest.fixture(scope="module")
 def net(tmp_path_factory: pytest.TempPathFactory) -> DoorNet:
-    return DoorNet(tinynets.doornet(tmp_path_factory.mktemp("net") / "net.onnx"), threads=1)
+    return DoorNet(factories.doornet(tmp_path_factory.mktemp("net") / "net.onnx"), threads=1)
 
 
 @pytest.mark.parametrize(
@@ -130,7 +130,7 @@ def test_same_picture_same_answer(net: DoorNet) -> None:
 
 
 def test_depth_that_cannot_be_is_unknown(tmp_path: Path) -> None:
-    net = DoorNet(tinynets.doornet(tmp_path / "net.onnx", nearest=-1.0), threads=1)
+    net = DoorNet(factories.doornet(tmp_path / "net.onnx", nearest=-1.0), threads=1)
     image = np.zeros((480, 640, 3), np.uint8)
     image[240:] = 200
     depth = net(image, camera(640, 480)).depth_m
@@ -150,7 +150,7 @@ def test_depth_that_cannot_be_is_unknown(tmp_path: Path) -> None:
     ],
 )
 def test_another_signature_is_refused(tmp_path: Path, change: dict[str, object], part: str) -> None:
-    path = tinynets.doornet(tmp_path / "net.onnx", **change)
+    path = factories.doornet(tmp_path / "net.onnx", **change)
     with pytest.raises(UserError, match="has another signature") as caught:
         DoorNet(path, threads=1)
     assert part in str(caught.value)
@@ -158,7 +158,7 @@ def test_another_signature_is_refused(tmp_path: Path, change: dict[str, object],
 
 
 def test_values_that_are_not_finite_are_refused(tmp_path: Path) -> None:
-    net = DoorNet(tinynets.doornet(tmp_path / "net.onnx", p_open=float("nan")), threads=1)
+    net = DoorNet(factories.doornet(tmp_path / "net.onnx", p_open=float("nan")), threads=1)
     with pytest.raises(UserError, match="not finite in 'p_open'"):
         net(np.zeros((48, 64, 3), np.uint8), camera(64, 48))
 
@@ -166,8 +166,8 @@ def test_values_that_are_not_finite_are_refused(tmp_path: Path) -> None:
 def test_p_open_is_weighed_by_the_costs_of_its_file(tmp_path: Path, net: DoorNet) -> None:
     image, lens = np.full((48, 64, 3), 90, np.uint8), camera(64, 48)
     costs = {"missed": 1.5, "false_near": 4.0, "near_m": 1e6, "far_m": 2e6}  # all is near
-    told = tinynets.METADATA | {"costs": costs}
-    other = DoorNet(tinynets.doornet(tmp_path / "costs.onnx", metadata=told), threads=1)
+    told = factories.METADATA | {"costs": costs}
+    other = DoorNet(factories.doornet(tmp_path / "costs.onnx", metadata=told), threads=1)
     plain, weighed = net(image, lens).p_open, other(image, lens).p_open
     assert 0.001 < plain < 0.999
     assert weighed / (1 - weighed) == pytest.approx(plain / (1 - plain) / 4)
@@ -183,6 +183,6 @@ def test_p_open_is_weighed_by_the_costs_of_its_file(tmp_path: Path, net: DoorNet
     ],
 )
 def test_costs_that_make_no_sense_are_named(tmp_path: Path, costs: object, message: str) -> None:
-    told = tinynets.METADATA | {"costs": costs}
+    told = factories.METADATA | {"costs": costs}
     with pytest.raises(UserError, match=message):
-        DoorNet(tinynets.doornet(tmp_path / "costs.onnx", metadata=told), threads=1)
+        DoorNet(factories.doornet(tmp_path / "costs.onnx", metadata=told), threads=1)

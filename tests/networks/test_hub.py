@@ -23,9 +23,9 @@ from doorway3ds.networks import hub, registry
 from doorway3ds.networks.depth.presets import RELATIVE
 from doorway3ds.networks.fetch import fetch
 from doorway3ds.networks.session import digest
-from tests import tinynets
+from tests import factories
 from tests.conftest import Cli, Ran
-from tests.pictures import encode, scene
+from tests.factories import encode, scene
 
 huggingface_hub = pytest.importorskip("huggingface_hub")
 constants = importlib.import_module("huggingface_hub.constants")
@@ -86,7 +86,7 @@ class Place:
         self.folder = folder
         self.cache = folder / "hf" / "hub"
         self.endpoint = f"http://127.0.0.1:{port}"
-        self.file = tinynets.depth_file(folder / "made.onnx", gain=0.1, offset=1.0)
+        self.file = factories.depth_file(folder / "made.onnx", gain=0.1, offset=1.0)
         self.sha256 = digest(self.file)
 
     def command(self, *arguments: str, **env: str) -> Ran:
@@ -195,7 +195,7 @@ def test_another_file_than_the_published_one_is_refused(
 
 
 def test_another_signature_is_refused(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
-    other = tinynets.cnn_srin(place.folder / "other.onnx")
+    other = factories.cnn_srin(place.folder / "other.onnx")
     _Hub.data = other.read_bytes()
     expect(monkeypatch, digest(other))
     with pytest.raises(UserError, match="expected 3 colour channels in layout nchw"):

@@ -14,7 +14,7 @@ from doorway3ds.networks import Joined
 from doorway3ds.networks.cnn_srin import CnnSrin
 from doorway3ds.networks.densedepth import PUBLISHED_ERROR, DenseDepth
 from doorway3ds.networks.doornet import DoorNet
-from tests import tinynets
+from tests import factories
 
 CAMERA = Camera("test", 640, 480, 500.0, 500.0, 319.5, 239.5)
 
@@ -27,7 +27,7 @@ def picture(red: int) -> np.ndarray:
 
 @pytest.mark.parametrize("channels_last", [True, False])
 def test_cnn_srin_gets_rgb_0_to_255(tmp_path: Path, channels_last: bool) -> None:
-    net = CnnSrin(tinynets.cnn_srin(tmp_path / "n.onnx", channels_last=channels_last), threads=1)
+    net = CnnSrin(factories.cnn_srin(tmp_path / "n.onnx", channels_last=channels_last), threads=1)
     perception = net(picture(51), CAMERA)
     assert perception.p_open == pytest.approx(0.2)
     assert perception.depth_m is None
@@ -35,7 +35,7 @@ def test_cnn_srin_gets_rgb_0_to_255(tmp_path: Path, channels_last: bool) -> None
 
 
 def test_cnn_srin_without_its_logistic_unit_is_refused(tmp_path: Path) -> None:
-    net = CnnSrin(tinynets.cnn_srin(tmp_path / "n.onnx", scale=1.0), threads=1)
+    net = CnnSrin(factories.cnn_srin(tmp_path / "n.onnx", scale=1.0), threads=1)
     with pytest.raises(UserError, match="expected 'p_open' to be one probability"):
         net(picture(51), CAMERA)
 
@@ -46,7 +46,7 @@ def test_cnn_srin_without_its_logistic_unit_is_refused(tmp_path: Path) -> None:
     [(255, 1.0), (102, 2.5), (51, 5.0), (0, 10.0)],  # raw = 10 * red / 255 = 10 m / depth
 )
 def test_densedepth_in_metres(tmp_path: Path, channels_last: bool, red: int, metres: float) -> None:
-    path = tinynets.densedepth(tmp_path / "n.onnx", channels_last=channels_last)
+    path = factories.densedepth(tmp_path / "n.onnx", channels_last=channels_last)
     perception = DenseDepth(path, threads=1)(picture(red), CAMERA)
     depth = perception.depth_m
     assert depth is not None
@@ -59,22 +59,22 @@ def test_densedepth_in_metres(tmp_path: Path, channels_last: bool, red: int, met
 
 @pytest.mark.parametrize(("gain", "metres"), [(1000.0, 0.1), (-5.0, 10.0), (0.5, 10.0)])
 def test_densedepth_is_clipped(tmp_path: Path, gain: float, metres: float) -> None:
-    depth = DenseDepth(tinynets.densedepth(tmp_path / "n.onnx", gain=gain), threads=1)(
+    depth = DenseDepth(factories.densedepth(tmp_path / "n.onnx", gain=gain), threads=1)(
         picture(255), CAMERA
     ).depth_m
     assert depth == pytest.approx(metres)
 
 
 def test_signatures_are_not_mixed_up(tmp_path: Path) -> None:
-    path = tinynets.densedepth(tmp_path / "n.onnx")
+    path = factories.densedepth(tmp_path / "n.onnx")
     with pytest.raises(UserError, match="another signature: expected one float32 input"):
         CnnSrin(path, threads=1)
 
 
 def test_joined_takes_each_from_the_last_that_gives_it(tmp_path: Path) -> None:
-    classifier = CnnSrin(tinynets.cnn_srin(tmp_path / "c.onnx"), threads=1)
-    depth = DenseDepth(tinynets.densedepth(tmp_path / "d.onnx"), threads=1)
-    door = DoorNet(tinynets.doornet(tmp_path / "n.onnx"), threads=1)
+    classifier = CnnSrin(factories.cnn_srin(tmp_path / "c.onnx"), threads=1)
+    depth = DenseDepth(factories.densedepth(tmp_path / "d.onnx"), threads=1)
+    door = DoorNet(factories.doornet(tmp_path / "n.onnx"), threads=1)
     pair = Joined([classifier, depth])
     assert pair.name == "cnn-srin+densedepth"
     assert pair.gives == {"p_open", "depth"}

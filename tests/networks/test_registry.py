@@ -18,7 +18,7 @@ from doorway3ds.networks.depth.presets import METRIC
 from doorway3ds.networks.fetch import fetch
 from doorway3ds.networks.registry import MODELS, install, load, read_card
 from doorway3ds.networks.session import digest
-from tests import tinynets
+from tests import factories
 
 
 @pytest.fixture(autouse=True)
@@ -74,9 +74,9 @@ def test_unknown_names_are_a_wrong_call() -> None:
 @pytest.mark.parametrize("kind", ["doornet", "cnn-srin", "densedepth"])
 def test_an_onnx_path_is_loaded_by_its_signature(tmp_path: Path, kind: str) -> None:
     make = {
-        "doornet": tinynets.doornet,
-        "cnn-srin": tinynets.cnn_srin,
-        "densedepth": tinynets.densedepth,
+        "doornet": factories.doornet,
+        "cnn-srin": factories.cnn_srin,
+        "densedepth": factories.densedepth,
     }[kind]
     path = make(tmp_path / "site.onnx")
     network = load(str(path), threads=1)
@@ -85,13 +85,13 @@ def test_an_onnx_path_is_loaded_by_its_signature(tmp_path: Path, kind: str) -> N
 
 
 def test_needs_are_checked_before_any_picture(tmp_path: Path) -> None:
-    path = tinynets.cnn_srin(tmp_path / "c.onnx")
+    path = factories.cnn_srin(tmp_path / "c.onnx")
     with pytest.raises(CallError, match="gives p_open but columns is needed"):
         load(str(path), threads=1, needs=("p_open", "columns"))
 
 
 def test_install_and_load(tmp_path: Path, folder: Path) -> None:
-    file = tinynets.cnn_srin(tmp_path / "mine.onnx")
+    file = factories.cnn_srin(tmp_path / "mine.onnx")
     path = install("cnn-srin", file, source="mine.onnx", licence="CC0-1.0")
     assert path == folder / "cnn-srin.onnx"
     assert read_card(path).licence == "CC0-1.0"
@@ -101,9 +101,9 @@ def test_install_and_load(tmp_path: Path, folder: Path) -> None:
 
 
 def test_a_wrong_file_never_replaces_a_good_one(tmp_path: Path, folder: Path) -> None:
-    install("cnn-srin", tinynets.cnn_srin(tmp_path / "good.onnx"), source="good.onnx")
+    install("cnn-srin", factories.cnn_srin(tmp_path / "good.onnx"), source="good.onnx")
     before = {p.name: p.read_bytes() for p in folder.iterdir()}
-    for make in (tinynets.densedepth, tinynets.doornet):  # doornet's p_open is a logit
+    for make in (factories.densedepth, factories.doornet):  # doornet's p_open is a logit
         bad = make(tmp_path / "bad.onnx")
         with pytest.raises(UserError, match=r"network file bad\.onnx has another signature"):
             install("cnn-srin", bad, source="bad.onnx")
@@ -115,11 +115,11 @@ def test_a_wrong_file_never_replaces_a_good_one(tmp_path: Path, folder: Path) ->
 
 def test_the_packaged_network_is_not_replaced(tmp_path: Path) -> None:
     with pytest.raises(CallError, match="doornet is packaged"):
-        install("doornet", tinynets.doornet(tmp_path / "n.onnx"), source="n.onnx")
+        install("doornet", factories.doornet(tmp_path / "n.onnx"), source="n.onnx")
 
 
 def test_a_changed_file_is_refused_by_its_checksum(tmp_path: Path) -> None:
-    path = install("cnn-srin", tinynets.cnn_srin(tmp_path / "n.onnx"), source="n.onnx")
+    path = install("cnn-srin", factories.cnn_srin(tmp_path / "n.onnx"), source="n.onnx")
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 1
     path.write_bytes(data)
@@ -130,7 +130,7 @@ def test_a_changed_file_is_refused_by_its_checksum(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("keep", [0.0, 0.1, 0.5, 0.9])
 def test_a_cut_file_is_refused(tmp_path: Path, keep: float) -> None:
-    data = tinynets.doornet(tmp_path / "n.onnx").read_bytes()
+    data = factories.doornet(tmp_path / "n.onnx").read_bytes()
     path = tmp_path / "cut.onnx"
     path.write_bytes(data[: int(keep * len(data))])
     with pytest.raises(UserError) as caught:
@@ -139,7 +139,7 @@ def test_a_cut_file_is_refused(tmp_path: Path, keep: float) -> None:
 
 
 def test_a_damaged_card_is_named(tmp_path: Path) -> None:
-    path = install("cnn-srin", tinynets.cnn_srin(tmp_path / "n.onnx"), source="n.onnx")
+    path = install("cnn-srin", factories.cnn_srin(tmp_path / "n.onnx"), source="n.onnx")
     path.with_suffix(".json").write_text("{")
     with pytest.raises(UserError, match=r"model card .*cnn-srin\.json cannot be read"):
         load("cnn-srin")
@@ -150,7 +150,7 @@ def test_a_damaged_card_is_named(tmp_path: Path) -> None:
 
 def test_fetch_installs_what_has_the_right_checksum(server: tuple[str, Path]) -> None:
     address, served = server
-    file = tinynets.densedepth(served / "depth.onnx")
+    file = factories.densedepth(served / "depth.onnx")
     path = fetch("densedepth", f"{address}/depth.onnx", digest(file).upper())
     assert path.read_bytes() == file.read_bytes()
     assert read_card(path).source == f"{address}/depth.onnx"
@@ -161,7 +161,7 @@ def test_a_published_release_is_fetched_by_name(
     server: tuple[str, Path], folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     address, served = server
-    file = tinynets.depth_file(served / "indoor.onnx", offset=2.0)
+    file = factories.depth_file(served / "indoor.onnx", offset=2.0)
     published = replace(MODELS[METRIC], url=f"{address}/indoor.onnx", sha256=digest(file))
     monkeypatch.setattr(registry, "MODELS", {**MODELS, METRIC: published})
     assert fetch(METRIC) == folder / f"{METRIC}.onnx"
@@ -174,7 +174,7 @@ def test_a_published_release_is_fetched_by_name(
 
 def test_fetch_refuses_everything_else(server: tuple[str, Path], folder: Path) -> None:
     address, served = server
-    file = tinynets.densedepth(served / "depth.onnx")
+    file = factories.densedepth(served / "depth.onnx")
     right = digest(file)
     for url, sha256, part in (
         (f"{address}/depth.onnx", "0" * 64, "SHA-256 is not 000000000000"),
@@ -198,7 +198,7 @@ def test_fetch_refuses_everything_else(server: tuple[str, Path], folder: Path) -
 
 def test_fetch_refuses_another_signature(server: tuple[str, Path], folder: Path) -> None:
     address, served = server
-    file = tinynets.cnn_srin(served / "n.onnx")
+    file = factories.cnn_srin(served / "n.onnx")
     with pytest.raises(UserError, match=rf"network file {address}/n\.onnx has another signature"):
         fetch("densedepth", f"{address}/n.onnx", digest(file))
     assert not list(folder.iterdir())

@@ -15,14 +15,14 @@ import pytest
 
 from doorway3ds.lab.sim.robot.body import Body, Gait
 from doorway3ds.robots.runlog import read_log
-from tests import tinynets
+from tests import factories
 
 NET = ("--network", "net.onnx")
 
 
 def sees_no_door() -> tuple[str, str]:
     """A network whose robot looks around for ever: turns that do not depend on the picture."""
-    return "--network", str(tinynets.doornet(Path("none.onnx"), p_open=-3.0))
+    return "--network", str(factories.doornet(Path("none.onnx"), p_open=-3.0))
 
 
 def test_without_move_it_only_says(cli: Any) -> None:

@@ -13,7 +13,7 @@ from doorway3ds.camera.info import write_camera_info
 from doorway3ds.camera.model import Camera
 from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.networks import load
-from tests import tinynets
+from tests import factories
 from tests.sources.servers import MjpegServer
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -34,7 +34,7 @@ def test_the_program_of_the_docs_looks_around_and_stops(
     monkeypatch.setitem(sys.modules, "motors", motors)  # type: ignore[arg-type]
     monkeypatch.chdir(tmp_path)
     write_camera_info(Camera.from_fov(64, 48, 60.0), "front.yaml")
-    net = tinynets.doornet(tmp_path / "none.onnx", p_open=-3.0)
+    net = factories.doornet(tmp_path / "none.onnx", p_open=-3.0)
     monkeypatch.setattr(Pipeline, "default", lambda: Pipeline(load(str(net))))
     with MjpegServer() as server:
         exec(compile(program.replace("webcam://0", server.url), "mounting.md", "exec"), {})

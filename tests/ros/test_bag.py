@@ -12,7 +12,7 @@ from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.sources import open_source
 from tests.conftest import Cli
-from tests.pictures import scene
+from tests.factories import scene
 
 pytest.importorskip("rosbags", reason="needs the extra bag")
 from tests.ros import bags

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.pictures import encode
-from tests.sources.films import STEP
+from tests.factories import STEP, encode
 
 
 class MjpegServer:

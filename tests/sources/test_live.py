@@ -17,7 +17,7 @@ from doorway3ds.errors import UserError
 from doorway3ds.sources import LiveSource, Shot, SourceLost, View, open_source
 from doorway3ds.sources import live as live_module
 from doorway3ds.sources.capture import OpenCvCapture
-from tests.sources.films import number
+from tests.factories import number
 from tests.sources.servers import MjpegServer
 
 

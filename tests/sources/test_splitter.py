@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from doorway3ds.sources.splitter import Splitter
-from tests.pictures import encode, scene
+from tests.factories import encode, scene
 
 
 def jpegs() -> list[bytes]:

@@ -10,7 +10,7 @@ import pytest
 from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.sources import open_source
-from tests.pictures import encode, scene
+from tests.factories import encode, scene
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 
 from doorway3ds.errors import UserError
 from doorway3ds.sources import SourceLost, open_source
-from tests.sources.films import film, number
+from tests.factories import film, number
 
 KINDS = [("avi", "MJPG"), ("mp4", "mp4v"), ("webm", "VP80")]
 

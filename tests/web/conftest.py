@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tests import tinynets
-from tests.pictures import encode, scene
+from tests import factories
+from tests.factories import encode, scene
 
 _NEEDED = (
     "fastapi",
@@ -54,7 +54,7 @@ Serve = Callable[..., Served]
 @pytest.fixture(scope="session")
 def network(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A door from 0.2 to 0.4 of every picture's width: about 13 degrees to the left."""
-    return tinynets.doornet(tmp_path_factory.mktemp("nets") / "net.onnx", left=0.2, right=0.4)
+    return factories.doornet(tmp_path_factory.mktemp("nets") / "net.onnx", left=0.2, right=0.4)
 
 
 @pytest.fixture(scope="session")

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from tests.conftest import Cli
-from tests.pictures import encode, scene
+from tests.factories import encode, scene
 
 pa = pytest.importorskip("pyarrow", reason="needs the extra 'batch'")
 pytest.importorskip("fsspec", reason="needs the extra 'batch'")

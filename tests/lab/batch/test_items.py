@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from doorway3ds.errors import CallError, UserError
-from tests.pictures import encode, scene
+from tests.factories import encode, scene
 
 pa = pytest.importorskip("pyarrow", reason="needs the extra 'batch'")
 fsspec = pytest.importorskip("fsspec", reason="needs the extra 'batch'")

@@ -10,7 +10,7 @@ from doorway3ds.errors import UserError
 from doorway3ds.lab.datasets.doors import read_door_pictures
 from doorway3ds.lab.datasets.places import Choice
 from doorway3ds.lab.train.paper.srinrun import wanted_rows
-from tests.lab.train.doors import classes, room, save
+from tests.factories import classes, room, save
 
 pytestmark = pytest.mark.train
 

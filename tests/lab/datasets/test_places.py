@@ -7,7 +7,7 @@ import pytest
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.lab.datasets import places as groups
 from doorway3ds.lab.datasets.samples import Sample
-from tests.lab.train.doors import room
+from tests.factories import room
 
 pytestmark = pytest.mark.train
 

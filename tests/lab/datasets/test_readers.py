@@ -12,7 +12,7 @@ from doorway3ds.errors import UserError
 from doorway3ds.lab.datasets import readers, truth
 from doorway3ds.lab.datasets import samples as datasets
 from doorway3ds.lab.datasets.readers import read_dataset
-from tests.lab.conftest import HEADER, write_picture
+from tests.factories import HEADER, write_picture
 
 
 def truth_of(sample):

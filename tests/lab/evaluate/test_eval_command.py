@@ -7,7 +7,7 @@ import pytest
 from doorway3ds.cli.main import run
 from doorway3ds.lab.datasets.samples import NYU_KINDS
 from doorway3ds.networks import registry
-from tests.lab.conftest import HEADER, write_picture
+from tests.factories import HEADER, write_picture
 from tests.lab.evaluate.test_runners import Oracle
 
 

@@ -19,10 +19,10 @@ from doorway3ds.lab.train.paper import densedepth
 from doorway3ds.lab.train.paper.densedepth import NYU
 from doorway3ds.lab.train.paper.depthpairs import read_depth_pairs
 from doorway3ds.lab.train.paper.depthrun import DepthOptions, DepthTraining
-from tests import tinynets
+from tests import factories
 from tests.conftest import Cli
+from tests.factories import classes, depth_pairs
 from tests.lab.train import keras1
-from tests.lab.train.doors import classes, depth_pairs
 
 pytestmark = pytest.mark.train
 
@@ -65,7 +65,7 @@ def test_cnn_srin_from_two_folders_to_look(cli: Cli, tmp_path: Path) -> None:
     assert installed.read_bytes() == Path("run/cnn-srin.onnx").read_bytes()
     told = json.loads(installed.with_suffix(".json").read_text())
     assert (told["licence"], told["parity"]) == ("CC0-1.0", card["parity"])
-    tinynets.densedepth(tmp_path / "models" / "densedepth.onnx")
+    factories.densedepth(tmp_path / "models" / "densedepth.onnx")
     assert 0 <= float(str(answers(cli)["p_open"])) <= 1
 
     Path("data/open-door/bad.jpg").unlink()
@@ -88,7 +88,7 @@ def test_densedepth_from_pairs_to_look(
     card = json.loads(Path("run/densedepth.json").read_text())
     assert card["parity"] <= 1e-3 and card["depth_error"] > 0
     assert "Worst of held out" in Path("run/report.html").read_text()
-    tinynets.cnn_srin(tmp_path / "models" / "cnn-srin.onnx")
+    factories.cnn_srin(tmp_path / "models" / "cnn-srin.onnx")
     assert str(answers(cli)["network"]) == "cnn-srin+densedepth"
 
 

@@ -20,7 +20,7 @@ from doorway3ds.networks.depth.file import DepthFile
 from doorway3ds.networks.depth.presets import METRIC, PRESETS, RELATIVE
 from doorway3ds.networks.depth.spec import MAX_ASPECT, DepthSpec, parse
 from doorway3ds.networks.session import digest
-from tests import tinynets
+from tests import factories
 
 CAMERA = Camera("test", 640, 480, 500.0, 520.0, 319.5, 239.5)
 SPEC: dict[str, Any] = {"unit": "m", "width": 32, "height": 24}
@@ -57,7 +57,7 @@ def metres(path: Path, image: np.ndarray, camera: Camera = CAMERA) -> np.ndarray
 def test_units(
     tmp_path: Path, ending: str, unit: str, factor: float, raw: float, expected: float
 ) -> None:
-    path = tinynets.depth_file(tmp_path / "n.onnx", gain=0.0, offset=raw)
+    path = factories.depth_file(tmp_path / "n.onnx", gain=0.0, offset=raw)
     with_sidecar(path, {**SPEC, "unit": unit, "factor": factor}, ending)
     depth = metres(path, picture(0))
     assert depth.shape == (24, 32)
@@ -73,7 +73,7 @@ def test_the_network_is_fed_as_the_sidecar_says(
 ) -> None:
     colour, mean, std = (51, 102, 204), [0.1, 0.2, 0.3], [0.5, 0.25, 0.2]
     shape = (1, 24, 32, 3) if last else (1, 3, 24, 32)
-    path = tinynets.depth_file(tmp_path / "n.onnx", channel=channel, offset=5.0, shape=shape)
+    path = factories.depth_file(tmp_path / "n.onnx", channel=channel, offset=5.0, shape=shape)
     with_sidecar(path, {"unit": "m", "mean": mean, "std": std, "channels": channels})
     seen = channel if channels == "rgb" else 2 - channel
     expected = 5 + (colour[seen] / 255 - mean[seen]) / std[seen]
@@ -81,14 +81,14 @@ def test_the_network_is_fed_as_the_sidecar_says(
 
 
 def test_white_is_the_value_of_a_white_pixel(tmp_path: Path) -> None:
-    path = tinynets.depth_file(tmp_path / "n.onnx", gain=0.01)
+    path = factories.depth_file(tmp_path / "n.onnx", gain=0.01)
     with_sidecar(path, {**SPEC, "white": 255, "mean": 5, "std": 2})
     assert metres(path, picture(205)) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("axes", [3, 4])
 def test_a_map_lies_over_the_whole_picture(tmp_path: Path, axes: int) -> None:
-    path = tinynets.depth_file(tmp_path / "n.onnx", offset=1.0, axes=axes)
+    path = factories.depth_file(tmp_path / "n.onnx", offset=1.0, axes=axes)
     with_sidecar(path, SPEC)
     image = picture(0)
     image[:, 320:] = 255
@@ -103,7 +103,7 @@ def test_metres_follow_the_camera_s_focal_length(
     tmp_path: Path, zoom: float, size: tuple[int, int]
 ) -> None:
     width, height = size
-    path = tinynets.depth_file(tmp_path / "n.onnx", gain=0.0, offset=3.0)
+    path = factories.depth_file(tmp_path / "n.onnx", gain=0.0, offset=3.0)
     with_sidecar(path, {"unit": "m", "width": width, "height": height, "focal_px": 40.0})
     camera = Camera("zoomed", 640, 480, 500 * zoom, 520 * zoom, 319.5, 239.5)
     focal = zoom * math.sqrt(500 * width / 640 * 520 * height / 480)
@@ -133,7 +133,7 @@ def test_any_picture_has_a_size_without_running_away(width: int, height: int) ->
 
 
 def test_the_metric_preset_reads_hypersim_as_hypersim(tmp_path: Path) -> None:
-    path = tinynets.depth_file(tmp_path / "n.onnx", gain=0.0, offset=4.0)
+    path = factories.depth_file(tmp_path / "n.onnx", gain=0.0, offset=4.0)
     net = DepthFile(path, PRESETS[METRIC], threads=1)
     hypersim = Camera("hypersim", 1024, 768, 886.81, 886.81, 511.5, 383.5)
     depth = net(picture(0, size=(768, 1024)), hypersim).depth_m
@@ -143,14 +143,14 @@ def test_the_metric_preset_reads_hypersim_as_hypersim(tmp_path: Path) -> None:
 
 
 def test_a_preset_takes_a_file_that_fixes_its_size(tmp_path: Path) -> None:
-    path = tinynets.depth_file(tmp_path / "n.onnx", gain=0.0, offset=4.0, shape=(1, 3, 28, 42))
+    path = factories.depth_file(tmp_path / "n.onnx", gain=0.0, offset=4.0, shape=(1, 3, 28, 42))
     seen = DepthFile(path, PRESETS[RELATIVE], threads=1)(picture(0), CAMERA)
     assert seen.relative is not None
     assert seen.relative.inverse.shape == (28, 42)
 
 
 def test_relative_depth_has_no_metres_of_its_own(tmp_path: Path) -> None:
-    path = tinynets.depth_file(tmp_path / "n.onnx", gain=0.0, offset=7.0)
+    path = factories.depth_file(tmp_path / "n.onnx", gain=0.0, offset=7.0)
     net = DepthFile(path, PRESETS[RELATIVE], threads=1)
     seen = net(picture(0), CAMERA)
     assert net.gives == {"relative"}
@@ -167,7 +167,7 @@ def test_relative_depth_has_no_metres_of_its_own(tmp_path: Path) -> None:
 
 def test_values_that_are_no_distance_are_unknown(tmp_path: Path) -> None:
     for unit in ("m", "1/m"):
-        path = tinynets.depth_file(tmp_path / f"{unit[0]}.onnx", gain=2.0, offset=-1.0)
+        path = factories.depth_file(tmp_path / f"{unit[0]}.onnx", gain=2.0, offset=-1.0)
         with_sidecar(path, {**SPEC, "unit": unit})
         image = picture(0)
         image[:, 320:] = 255
@@ -177,14 +177,14 @@ def test_values_that_are_no_distance_are_unknown(tmp_path: Path) -> None:
 
 
 def test_a_wrong_unit_is_found_at_the_first_picture(tmp_path: Path) -> None:
-    path = tinynets.depth_file(tmp_path / "n.onnx", gain=0.0, offset=250.0)
+    path = factories.depth_file(tmp_path / "n.onnx", gain=0.0, offset=250.0)
     with_sidecar(path, SPEC)
     with pytest.raises(UserError, match=r"sees a median depth of 250 m, expected 0\.02 to 60"):
         metres(path, picture(0))
 
 
 def test_one_of_several_outputs(tmp_path: Path) -> None:
-    path = tinynets.depth_file(tmp_path / "n.onnx", offset=2.0, outputs=("depth", "normal"))
+    path = factories.depth_file(tmp_path / "n.onnx", offset=2.0, outputs=("depth", "normal"))
     with pytest.raises(UserError, match="has the outputs depth, normal; expected one, or its name"):
         load(str(with_sidecar(path, SPEC)))
     with pytest.raises(UserError, match="has no output 'far'; it has depth, normal"):
@@ -208,7 +208,7 @@ def test_files_that_do_not_fit_are_refused(
     tmp_path: Path, shape: tuple[Any, ...], fields: dict[str, Any], part: str
 ) -> None:
     path = with_sidecar(
-        tinynets.depth_file(tmp_path / "n.onnx", shape=shape), {"unit": "m"} | fields
+        factories.depth_file(tmp_path / "n.onnx", shape=shape), {"unit": "m"} | fields
     )
     with pytest.raises(UserError) as caught:
         load(str(path))
@@ -249,7 +249,7 @@ def test_sidecars_that_say_nothing_usable_are_refused(fields: object, part: str)
 
 
 def test_damaged_and_doubled_sidecars_are_named(tmp_path: Path) -> None:
-    path = tinynets.depth_file(tmp_path / "n.onnx")
+    path = factories.depth_file(tmp_path / "n.onnx")
     with pytest.raises(UserError, match=r"expected outputs of one of .*, or n\.yaml beside it"):
         load(str(path))
     path.with_suffix(".yaml").write_text("depth: {unit: [m\n")
@@ -266,7 +266,7 @@ def test_damaged_and_doubled_sidecars_are_named(tmp_path: Path) -> None:
 
 
 def test_a_sidecar_s_checksum_holds(tmp_path: Path) -> None:
-    path = tinynets.depth_file(tmp_path / "n.onnx", offset=1.0)
+    path = factories.depth_file(tmp_path / "n.onnx", offset=1.0)
     with_sidecar(path, SPEC, sha256=digest(path))
     assert metres(path, picture(0)) == pytest.approx(1.0)
     with_sidecar(path, SPEC, sha256="0" * 64)
@@ -279,9 +279,9 @@ def test_a_sidecar_s_checksum_holds(tmp_path: Path) -> None:
 
 
 def test_joined_with_a_floor_relative_depth_counts_as_depth(tmp_path: Path) -> None:
-    door = tinynets.doornet(tmp_path / "door.onnx")
-    srin = tinynets.cnn_srin(tmp_path / "srin.onnx")
-    path = tinynets.depth_file(tmp_path / "n.onnx", offset=7.0)
+    door = factories.doornet(tmp_path / "door.onnx")
+    srin = factories.cnn_srin(tmp_path / "srin.onnx")
+    path = factories.depth_file(tmp_path / "n.onnx", offset=7.0)
     with_sidecar(path, {**SPEC, "unit": "relative-inverse"})
     joined = load(f"{door}+{path}", threads=1, needs=("p_open", "columns", "depth"))
     assert joined.gives == {"p_open", "columns", "depth", "floor"}

@@ -10,8 +10,8 @@ import pytest
 from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.lab.datasets.readers import folder_camera
 from doorway3ds.networks import load
-from tests import tinynets
-from tests.pictures import encode, scene
+from tests import factories
+from tests.factories import encode, scene
 
 _NEEDED = ("fastapi", "uvicorn", "python_multipart", "httpx", "segno", "cryptography")
 collect_ignore_glob = [] if all(find_spec(name) for name in _NEEDED) else ["test_*.py"]
@@ -43,7 +43,7 @@ def site(tmp_path: Path) -> Path:
 def guess(tmp_path_factory: pytest.TempPathFactory) -> Guesser:
     """A door from 0.25 to 0.5 of every picture's width."""
     path = tmp_path_factory.mktemp("nets") / "net.onnx"
-    net = load(str(tinynets.doornet(path, left=0.25, right=0.5)))
+    net = load(str(factories.doornet(path, left=0.25, right=0.5)))
     return guesser(Pipeline(net), folder_camera(path.parent))
 
 

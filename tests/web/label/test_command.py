@@ -12,7 +12,7 @@ import httpx
 import pytest
 
 from tests.conftest import Cli
-from tests.pictures import encode, scene
+from tests.factories import encode, scene
 from tests.web.label.test_table import rows
 
 

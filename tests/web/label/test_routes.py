@@ -10,7 +10,7 @@ import pytest
 from doorway3ds.images.codec import read_image
 from doorway3ds.lab.datasets import samples as datasets
 from doorway3ds.lab.datasets.readers import read_dataset
-from tests.pictures import encode, scene
+from tests.factories import encode, scene
 from tests.web.label.conftest import Desk
 
 

@@ -14,7 +14,7 @@ import pytest
 from doorway3ds import __version__
 from doorway3ds.images.codec import read_image
 from tests.conftest import Cli
-from tests.pictures import encode
+from tests.factories import encode
 from tests.web.conftest import Serve, Served
 
 

@@ -14,7 +14,7 @@ import pytest
 from doorway3ds.images.codec import read_image
 from doorway3ds.sources.base import Source, SourceLost, View
 from doorway3ds.types import Frame
-from tests.pictures import scene
+from tests.factories import scene
 from tests.web.conftest import Serve, Served, wait_for
 
 

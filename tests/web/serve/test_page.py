@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from doorway3ds.web.base import tls
-from tests.pictures import encode, scene
+from tests.factories import encode, scene
 from tests.web.browser import Page, needs_browser
 from tests.web.conftest import Serve, Served
 

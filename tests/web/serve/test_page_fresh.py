@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from doorway3ds.sources import open_source
-from tests.pictures import encode, scene
+from tests.factories import encode, scene
 from tests.web.browser import Page, needs_browser
 from tests.web.conftest import Serve, Served, wait_for
 from tests.web.serve.test_live import Tap

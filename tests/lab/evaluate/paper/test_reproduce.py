@@ -29,7 +29,7 @@ from doorway3ds.lab.evaluate.paper.reproduce import (
     verdict,
 )
 from doorway3ds.types import Perception
-from tests.lab.conftest import write_picture
+from tests.factories import write_picture
 
 ROWS = [recompute(row) for row in printed.ROWS]
 

@@ -14,8 +14,8 @@ from doorway3ds.lab.datasets.samples import Sample
 from doorway3ds.lab.train.engine import backend as engine
 from doorway3ds.lab.train.paper import cnn_srin
 from doorway3ds.lab.train.paper.cnn_srin import FeatureCache, Wanted
+from tests.factories import room, save
 from tests.lab.train import keras1
-from tests.lab.train.doors import room, save
 
 pytestmark = pytest.mark.train
 

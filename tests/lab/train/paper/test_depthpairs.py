@@ -12,7 +12,7 @@ from doorway3ds.errors import CallError, UserError
 from doorway3ds.lab.train.paper.densedepth import NYU
 from doorway3ds.lab.train.paper.depthpairs import read_depth_pairs, target
 from doorway3ds.lab.train.paper.depthrun import augmented
-from tests.lab.train.doors import depth_pairs, room, save
+from tests.factories import depth_pairs, room, save
 
 pytestmark = pytest.mark.train
 

@@ -15,7 +15,7 @@ from doorway3ds.lab.train.engine import backend as engine
 from doorway3ds.lab.train.engine.training import Run
 from doorway3ds.lab.train.paper.srinrun import SrinOptions, score_epochs
 from tests.conftest import Cli
-from tests.lab.train.doors import classes
+from tests.factories import classes
 
 pytestmark = pytest.mark.train
 

@@ -26,7 +26,7 @@ from doorway3ds.lab.train.doornet.export import export_onnx  # noqa: E402
 from doorway3ds.lab.train.doornet.model import DoorNetConfig, build_doornet  # noqa: E402
 from doorway3ds.lab.train.site import score as qualifyscore  # noqa: E402
 from doorway3ds.lab.train.site.qualify import part, read_replay, read_site  # noqa: E402
-from tests.lab.train.sites import write_site  # noqa: E402
+from tests.factories import write_site  # noqa: E402
 
 pytestmark = pytest.mark.train
 

@@ -1,14 +1,81 @@
-"""ONNX files of the networks' signatures that compute something simple and known."""
+"""What tests make: images, films, ONNX files of the networks' signatures, data sets."""
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import onnx
+from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
+from PIL import Image
+
+# Images and films
+
+FORMATS = ("JPEG", "PNG", "TIFF", "BMP", "WEBP")
+
+
+def scene(width: int = 64, height: int = 48) -> NDArray[np.uint8]:
+    """A grey ramp with a red square in the top-left corner and a blue one at the top right."""
+    image = np.empty((height, width, 3), np.uint8)
+    image[:] = np.linspace(20, 235, width)[None, :, None]
+    image[: height // 3, : width // 4] = (230, 20, 20)
+    image[: height // 3, -(width // 4) :] = (20, 20, 230)
+    return image
+
+
+def encode(
+    image: NDArray[np.uint8] | Image.Image,
+    kind: str = "JPEG",
+    *,
+    orientation: int | None = None,
+    focal_35mm: int | None = None,
+    **options: object,
+) -> bytes:
+    """`image` as a file of `kind` (a Pillow format name), with EXIF where asked for."""
+    if not isinstance(image, Image.Image):
+        image = Image.fromarray(image)
+    exif = Image.Exif()
+    if orientation is not None or focal_35mm is not None:
+        exif[0x0112] = orientation or 1
+        options["exif"] = exif
+    if focal_35mm is not None:
+        exif.get_ifd(0x8769)[0xA405] = focal_35mm
+    if kind == "JPEG":
+        options.setdefault("quality", 95)
+        options.setdefault("subsampling", 0)
+    buffer = io.BytesIO()
+    image.save(buffer, kind, **options)
+    return buffer.getvalue()
+
+
+STEP = 4  # grey levels between two frames of a film
+
+
+def film(
+    path: Path, count: int = 30, fps: float = 20.0, fourcc: str = "MJPG", width: int = 64
+) -> Path:
+    """Grey frames, STEP levels brighter each time; `number` reads them back."""
+    size = (width, width * 3 // 4)
+    writer = cv2.VideoWriter(
+        str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*fourcc), fps, size, []
+    )
+    assert writer.isOpened()
+    for index in range(count):
+        writer.write(np.full((size[1], size[0], 3), index * STEP % 256, np.uint8))
+    writer.release()
+    return path
+
+
+def number(image: NDArray[np.uint8]) -> int:
+    return round(float(image.mean()) / STEP)
+
+
+# Networks: ONNX files that compute something simple and known
 
 STRIPS = 16
 METADATA = {"name": "doornet", "version": "test", "canonical_f_px": 200.0, "depth_error": 0.1}
@@ -179,3 +246,80 @@ def depth_file(
     ]
     sizes = {name: [None] * axes for name in outputs}
     return _save(path, list(shape), nodes, sizes, constants, input_name=input_name)
+
+
+# Data sets
+
+HEADER = "image,open,left_px,right_px,clear,confidence,second"
+
+
+def write_picture(path: Path, width: int, height: int, value: int = 128) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    cv2.imwrite(str(path), np.full((height, width, 3), value, np.uint8))
+
+
+def room(
+    rng: np.random.Generator, *, is_open: bool, width: int = 96, height: int = 72
+) -> np.ndarray:
+    """(H, W, 3) uint8 RGB: blurred colours, and a bright door where it is open."""
+    coarse = rng.integers(20, 180, (6, 8, 3), dtype=np.uint8)
+    image = np.asarray(cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC))
+    if is_open:
+        left = int(rng.integers(width // 8, width // 2))
+        image[height // 6 :, left : left + width // 4] = 250
+    return image
+
+
+def save(path: Path, image: np.ndarray) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    assert cv2.imwrite(str(path), image[..., ::-1] if image.ndim == 3 else image)
+    return path
+
+
+def classes(folder: Path, count: int, seed: int = 0) -> Path:
+    """`count` pictures in each of no-door/ and open-door/."""
+    rng = np.random.default_rng(seed)
+    for index in range(count):
+        for name, is_open in (("no-door", False), ("open-door", True)):
+            save(folder / name / f"{index:02d}.png", room(rng, is_open=is_open))
+    return folder
+
+
+def depth_pairs(folder: Path, count: int, scale: float = 1000.0, seed: int = 0) -> Path:
+    """images/ and depth/ with 16-bit depth of 1 to 4 m, `scale` counts per metre."""
+    rng = np.random.default_rng(seed)
+    for index in range(count):
+        image = room(rng, is_open=index % 2 == 0)
+        depth = np.linspace(1, 4, image.shape[1])[None] * np.ones((image.shape[0], 1)) * scale
+        save(folder / "images" / f"{index:02d}.png", image)
+        save(folder / "depth" / f"{index:02d}.png", np.round(depth).astype(np.uint16))
+    return folder
+
+
+ROOMS = 16
+
+
+def write_site(folder: Path, marked: bool = True, rooms: int = ROOMS, each: int = 4) -> Path:
+    """Half of each room's pictures show the opening; marked in doorways.csv, or by folders."""
+    rows = ["image,open,left_px,right_px,clear,confidence,second,state,place"]
+    for room in range(rooms):
+        rng = np.random.default_rng(room)
+        wall = rng.integers(30, 90, 3)
+        for number in range(each):
+            is_open = number % 2 == 0
+            image = np.clip(wall + rng.normal(0, 6, (120, 160, 3)), 0, 255).astype(np.uint8)
+            image[90:] //= 2
+            left = int(rng.integers(5, 85))
+            right = left + int(rng.integers(50, 70))
+            if is_open:
+                image[20:105, left:right] = rng.integers(200, 250, 3)
+            name = f"room{room:02d}/{number}.png"
+            if not marked:
+                name = f"{'open-door' if is_open else 'no-door'}/{name}"
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            cv2.imwrite(str(folder / name), image)
+            span = f"{left - 0.5},{right - 0.5},1,3,0,open" if is_open else ",,,3,0,none"
+            rows.append(f"{name},{int(is_open)},{span},room{room:02d}")
+    if marked:
+        (folder / "doorways.csv").write_text("\n".join(rows) + "\n")
+    return folder
