@@ -101,7 +101,7 @@ def nao(
     from importlib import import_module
 
     from doorway3ds.cli.shared.signals import ended_by_sigterm
-    from doorway3ds.lab.sim.robot.body import MODELS
+    from doorway3ds.lab.sim.robot.model import MODELS
     from doorway3ds.lab.sim.robot.nao import VirtualNao
     from doorway3ds.lab.sim.trials.scenarios import SCENES
 
@@ -117,18 +117,27 @@ def nao(
 
     with ended_by_sigterm(), Studio() as studio:
         world = World.of_scene(studio, scenario, seed, model=robot)
-        virtual = VirtualNao(world.body, world.picture)
+        depth = world.depth if world.body.model.depth_fov_deg else None
+        virtual = VirtualNao(world.body, world.picture, depth=depth)
         virtual.on_speech = lambda text: typer.echo(f"says: {text}", err=True)
         try:
             url = virtual.listen(listen)
         except RuntimeError as error:
-            reason = str(error).splitlines()[0]
-            raise UserError(f"cannot listen at {listen} ({reason}); is the port taken?") from error
+            raise UserError(f"cannot listen at {listen}: {reason_of(error)}") from error
         try:
             typer.echo(f"virtual {robot} at {url}: {SCENES[scenario]}, seed {seed}")
             threading.Event().wait()
         finally:
             virtual.close()
+
+
+def reason_of(error: RuntimeError) -> str:
+    """Why libqi could not listen, without the C++ files that it names."""
+    lines = [line.partition(" [")[0].strip() for line in str(error).splitlines()]
+    reason = next((line for line in reversed(lines) if line), "no reason given")
+    if "in use" in reason:
+        return "another program listens there; stop it or choose another port with --listen"
+    return reason.rpartition(": ")[2].lower()
 
 
 @app.command()

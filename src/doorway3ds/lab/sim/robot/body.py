@@ -1,6 +1,6 @@
-"""The body of a simulated NAO or Pepper: how it turns, what it believes, where its cameras are.
+"""The body of a simulated NAO or Pepper: how it moves, what it believes, where its parts are.
 
-No picture is made here, so that the body works without OpenGL.
+No image is made here, so that the body works without OpenGL.
 """
 
 from __future__ import annotations
@@ -8,12 +8,15 @@ from __future__ import annotations
 import math
 import threading
 import time
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
 from doorway3ds.camera.model import Array, Camera
+from doorway3ds.lab.sim.robot.ground import STEP_M, Ground
+from doorway3ds.lab.sim.robot.model import MODELS, Model, about, moved
 
 Rng = np.random.Generator
 
@@ -48,43 +51,6 @@ class FastClock:
 
 
 @dataclass(frozen=True)
-class Model:
-    """Geometry of a robot's head: metres from the turning axis on the floor, radians.
-
-    neck: (forward, up). lens: camera name -> (forward, up from the neck, tilt down).
-    yaw, pitch: joint limits; pitch + is down, as NAOqi has it.
-    """
-
-    name: str
-    neck: tuple[float, float]
-    lens: dict[str, tuple[float, float, float]]
-    fov_deg: tuple[float, float]
-    yaw: tuple[float, float]
-    pitch: tuple[float, float]
-
-
-# Cameras and joints: see camera.py for the sources; neck heights give the presets' lens heights.
-MODELS = {
-    "nao": Model(
-        "nao",
-        (0.0, 0.4564),
-        {"CameraTop": (0.05871, 0.06364, 0.0209), "CameraBottom": (0.05071, 0.01774, 0.6929)},
-        (60.9, 47.6),
-        (-2.0857, 2.0857),
-        (-0.6720, 0.5149),
-    ),
-    "pepper": Model(
-        "pepper",
-        (-0.038, 0.9869),
-        {"CameraTop": (0.0868, 0.1631, 0.0), "CameraBottom": (0.0936, 0.0616, 0.6981)},
-        (56.3, 43.7),
-        (-2.0857, 2.0857),
-        (-0.7068, 0.6371),
-    ),
-}
-
-
-@dataclass(frozen=True)
 class Gait:
     """speed_deg_s, speed_m_s: when walking; ramp_s: to start and to stop.
 
@@ -100,21 +66,47 @@ class Gait:
     most: float = 0.16
 
 
+Place = tuple[float, float, float]
+"""x and y in metres, heading in degrees."""
+
+_TWINS = {"LHipYawPitch": "RHipYawPitch", "RHipYawPitch": "LHipYawPitch"}
+"""One motor turns both."""
+
+
 @dataclass(frozen=True)
 class _Move:
+    """by: forward, left (metres) and turn (degrees) in the frame that it starts in.
+
+    slip_deg: what it truly turns beyond that. arc: at a constant velocity of the body, which a
+    straight way with a turn on it is not. until: the share after which it touches something, 1 for
+    never. touches_deg: the plan bearing of what it touches.
+    """
+
     number: int
     start_s: float
     took_s: float
-    true_from: tuple[float, float, float]
-    true_by: tuple[float, float, float]
-    odometry_from: tuple[float, float, float]
-    odometry_by: tuple[float, float, float]
+    true_from: Place
+    odometry_from: Place
+    by: Place
+    slip_deg: float
+    arc: bool
+    until: float = 1.0
+    touches_deg: float | None = None
+
+    def true(self, share: float) -> Place:
+        forward, left, turn = self.by
+        return _along(self.true_from, (forward, left, turn + self.slip_deg), share, self.arc)
+
+    def odometry(self, share: float) -> Place:
+        return _along(self.odometry_from, self.by, share, self.arc)
 
 
 class Body:
-    """Stands, turns, walks a little and moves its head. All methods may be called from any thread.
+    """Stands, turns, walks and moves its joints. All methods may be called from any thread.
 
+    It begins as a person has put it down: standing, its motors off.
     x, y, heading_deg: true place in the plan. The odometry begins at zero and knows no slip.
+    ground: what it can walk into; None: nothing.
     """
 
     def __init__(
@@ -127,27 +119,41 @@ class Body:
         clock: Clock | None = None,
         rng: Rng | None = None,
         gait: Gait | None = None,
+        ground: Ground | None = None,
     ) -> None:
         self.model, self.clock = model, clock or RealClock()
         self.gait = gait or Gait()
+        self.ground = ground
         self._rng = rng or np.random.default_rng(0)
         self._lock = threading.RLock()
-        self._true = (x, y, heading_deg)
-        self._odometry = (0.0, 0.0, 0.0)
+        self._true: Place = (x, y, heading_deg)
+        self._odometry: Place = (0.0, 0.0, 0.0)
         self._move: _Move | None = None
-        self._count = 0
-        self._head = {"HeadYaw": (0.0, 0.0, 0.0, 1.0), "HeadPitch": (0.0, 0.0, 0.0, 1.0)}
+        self._count = self._arrived = 0
+        self._touch: float | None = None
+        self._tracks: dict[str, tuple[list[float], list[float]]] = {}
+        self._stiffness = dict.fromkeys(model.joints, 0.0)
         self.awake = False
-        self.posture = "Crouch"
-        self.stiffness = 0.0
+        self.posture = "Stand"
+        for joint in model.joints:
+            self.aim(joint, model.postures["Stand"].get(joint, 0.0), math.inf)
 
     # The ground.
 
-    def begin(self, forward_m: float, left_m: float, theta_rad: float) -> int:
-        """Starts a move, which ends any other; returns its number."""
+    def begin(
+        self,
+        forward_m: float,
+        left_m: float,
+        theta_rad: float,
+        speed: tuple[float, float] = (1.0, 1.0),
+        arc: bool = False,
+    ) -> int:
+        """Starts a move, which ends any other; returns its number.
+
+        speed: factors on the gait's speed of walking and of turning. arc: at a constant velocity.
+        """
         with self._lock:
-            self._settle()
-            self._move = None
+            self.stop()
             asked = math.degrees(theta_rad)
             gait = self.gait
             error = self._rng.normal(0, gait.slip) * asked + self._rng.normal(0, gait.slip_deg)
@@ -155,28 +161,37 @@ class Body:
             # A robot that is asked for nothing does not step.
             error = float(np.clip(error, -limit, limit)) if asked else 0.0
             length = math.hypot(forward_m, left_m)
-            took = max(abs(asked) / gait.speed_deg_s, length / gait.speed_m_s)
+            took = max(abs(asked) / (gait.speed_deg_s * speed[1]),
+                       length / (gait.speed_m_s * speed[0]))  # fmt: skip
             took += gait.ramp_s if took > 0 else 0.0
             self._count += 1
-            self._move = _Move(
-                self._count, self.clock.now(), took, self._true,
-                (*_turned(forward_m, left_m, self._true[2]), asked + error), self._odometry,
-                (*_turned(forward_m, left_m, self._odometry[2]), asked),
+            move = _Move(
+                self._count, self.clock.now(), took, self._true, self._odometry,
+                (forward_m, left_m, asked), error, arc,
             )  # fmt: skip
+            if length > 0:
+                self._touch = None
+                if self.ground is not None:
+                    share = np.linspace(0.0, 1.0, max(1, math.ceil(length / STEP_M)) + 1)
+                    way = np.array([move.true(float(s))[:2] for s in share])
+                    stop, touches = self.ground.reach(way, self.model.radius_m)
+                    if touches is not None:
+                        move = replace(move, until=float(share[stop]), touches_deg=touches)
+            self._move = move
             return self._count
 
     def wait(self, number: int, slice_s: float = 0.02) -> bool:
-        """Waits for the end of a move; whether it arrived, rather than was stopped or replaced."""
+        """Waits for the end of a move.
+
+        Returns whether it arrived, rather than was stopped, replaced or blocked.
+        """
         while True:
             with self._lock:
+                self._settle()
                 move = self._move
                 if move is None or move.number != number:
-                    return False
-                left = move.start_s + move.took_s - self.clock.now()
-                if left <= 0:
-                    self._settle()
-                    self._move = None
-                    return True
+                    return self._arrived == number
+                left = move.start_s + move.took_s * move.until - self.clock.now()
             self.clock.sleep(min(slice_s, left) if isinstance(self.clock, RealClock) else left)
 
     def stop(self) -> None:
@@ -187,104 +202,176 @@ class Body:
     @property
     def moving(self) -> bool:
         with self._lock:
-            return self._move is not None and self._progress(self._move) < 1
+            self._settle()
+            return self._move is not None
 
-    def place(self) -> tuple[float, float, float]:
+    @property
+    def touch_deg(self) -> float | None:
+        """The bearing, + left, of what blocked the last walk; None after a walk that was free."""
+        with self._lock:
+            self._settle()
+            return self._touch
+
+    def place(self) -> Place:
         """True x, y and heading in degrees."""
         with self._lock:
             self._settle()
             return self._true
 
-    def odometry(self) -> tuple[float, float, float]:
+    def odometry(self) -> Place:
         """Where it believes it stands, from where it began: metres, degrees."""
         with self._lock:
             self._settle()
             return self._odometry
 
-    def _progress(self, move: _Move) -> float:
-        if move.took_s <= 0:
-            return 1.0
-        return min(1.0, max(0.0, (self.clock.now() - move.start_s) / move.took_s))
+    def velocity(self) -> Place:
+        """m/s and deg/s in its own frame, zero while it stands."""
+        with self._lock:
+            self._settle()
+            move = self._move
+            if move is None or move.took_s <= 0:
+                return 0.0, 0.0, 0.0
+            x, y, turn = (v / move.took_s for v in move.by)
+            turned = 0.0 if move.arc else move.odometry_from[2] - self._odometry[2]
+            return (*_turned(x, y, turned), turn)
+
+    def sonar(self, part: str, most_m: float) -> float:
+        """Metres from an ultrasonic sensor to the nearest thing before it, at most `most_m`."""
+        if self.ground is None:
+            return most_m
+        m = self.transform(part, 2)
+        x, y, heading = self.place()
+        dx, dy = _turned(float(m[0, 3]), float(m[1, 3]), heading)
+        yaw = math.degrees(math.atan2(m[1, 0], m[0, 0]))
+        return self.ground.range(x + dx, y + dy, heading + yaw, most_m)
 
     def _settle(self) -> None:
+        """Where the move has got to by now, and whether it is over."""
         move = self._move
         if move is None:
             return
-        share = self._progress(move)
-        self._true = _along(move.true_from, move.true_by, share)
-        self._odometry = _along(move.odometry_from, move.odometry_by, share)
+        share = 1.0
+        if move.took_s > 0:
+            share = max(0.0, (self.clock.now() - move.start_s) / move.took_s)
+        over = share >= move.until - 1e-9
+        share = min(share, move.until)
+        self._true, self._odometry = move.true(share), move.odometry(share)
+        if over:
+            self._move = None
+            if move.touches_deg is None:
+                self._arrived = move.number
+            else:
+                self._touch = (move.touches_deg - self._true[2] + 180) % 360 - 180
 
-    # The head.
+    # The joints.
 
     def aim(self, joint: str, angle: float, speed_rad_s: float) -> None:
-        """Moves a head joint towards an angle, within its limits."""
-        low, high = self.model.yaw if joint == "HeadYaw" else self.model.pitch
+        """Moves a joint towards an angle, within its limits, whether or not it is stiff."""
         with self._lock:
             now = self.angle(joint)
-            self._head[joint] = (
-                now, min(max(angle, low), high), self.clock.now(), max(speed_rad_s, 1e-3)
-            )  # fmt: skip
+            limits = self.model.joints[joint]
+            goal = min(max(angle, limits.low), limits.high)
+            self._play(joint, [abs(goal - now) / max(speed_rad_s, 1e-3)], [goal])
+
+    def drive(self, joint: str, times_s: Sequence[float], angles: Sequence[float]) -> None:
+        """Moves a joint through angles, each reached that long from now; a limp one stays."""
+        limits = self.model.joints[joint]
+        goals = [min(max(angle, limits.low), limits.high) for angle in angles]
+        with self._lock:
+            if self._stiffness[joint] > 0:
+                self._play(joint, times_s, goals)
+
+    def freeze(self) -> None:
+        """Stops every joint where it is."""
+        with self._lock:
+            for joint in self.model.joints:
+                self._play(joint, [0.0], [self.angle(joint)])
 
     def angle(self, joint: str) -> float:
         with self._lock:
-            start, goal, since, speed = self._head[joint]
-            reach = speed * (self.clock.now() - since)
-            return start + max(-reach, min(reach, goal - start))
+            times, angles = self._tracks.get(joint, ([0.0], [0.0]))
+            return float(np.interp(self.clock.now(), times, angles))
+
+    def angles(self) -> dict[str, float]:
+        with self._lock:
+            return {joint: self.angle(joint) for joint in self.model.joints}
+
+    def goal(self, joint: str) -> float:
+        """The angle that the joint was last sent to."""
+        with self._lock:
+            return self._tracks[joint][1][-1]
+
+    def stiffness(self, joint: str) -> float:
+        return self._stiffness[joint]
+
+    def stiffen(self, joint: str, value: float) -> None:
+        """From 0, limp, to 1; a joint that goes limp stays where it is."""
+        with self._lock:
+            self._stiffness[joint] = min(max(value, 0.0), 1.0)
+            if value <= 0:
+                self._play(joint, [0.0], [self.angle(joint)])
+
+    def go(self, posture: str, took_s: float) -> None:
+        """Goes to a posture, all joints stiff; KeyError for another name."""
+        angles = self.model.postures[posture]
+        with self._lock:
+            for joint in self.model.joints:
+                self._stiffness[joint] = 1.0
+                self._play(joint, [took_s], [angles.get(joint, 0.0)])
+            self.posture = posture
+
+    def _play(self, joint: str, times_s: Sequence[float], angles: Sequence[float]) -> None:
+        now = self.clock.now()
+        track = [now, *(now + t for t in times_s)], [self.angle(joint), *angles]
+        if times_s[-1] <= 0:
+            track = [now], [angles[-1]]
+        self._tracks[joint] = track
+        if joint in _TWINS:
+            self._tracks[_TWINS[joint]] = track
 
     def transform(self, part: str, frame: int) -> Array:
-        """(4, 4) of a camera or the head: x forward, y left, z up; frame as in NAOqi."""
-        model = self.model
-        head = _translation(model.neck[0], model.neck[1])
-        head = head @ _about_z(self.angle("HeadYaw")) @ _about_y(self.angle("HeadPitch"))
-        if part in model.lens:
-            forward, up, tilt = model.lens[part]
-            head = head @ _translation(forward, up) @ _about_y(tilt)
-        elif part != "Head":
-            raise ValueError(f"expected Head, {', '.join(model.lens)}, got {part}")
-        if frame == 2:
-            return head
+        """(4, 4) of a joint, a chain's end, a sensor or the torso; frame as in NAOqi.
+
+        Raises ValueError for another name.
+        """
+        angles = self.angles()
+        try:
+            inside = self.model.frame(part, angles)
+        except KeyError as error:
+            known = ", ".join((*self.model.parts, *self.model.joints, "Torso"))
+            raise ValueError(f"expected a part of {known}, got {part}") from error
         if frame == 0:
-            return _translation(0.0, -_TORSO_M * model.neck[1]) @ head
+            return inside
+        robot = self._torso(angles) @ inside
+        if frame == 2:
+            return robot
         x, y, heading = self.odometry()
-        world = _about_z(math.radians(heading))
-        world[:2, 3] = x, y
-        return world @ head
+        return moved((x, y, 0.0)) @ about((0.0, 0.0, 1.0), math.radians(heading)) @ robot
 
-    def camera(self, width: int, height: int) -> Camera:
+    def _torso(self, angles: Mapping[str, float]) -> Array:
+        """(4, 4) of the torso in the robot's frame."""
+        lying = self.model.grounded.get(self.posture)
+        if lying is None:
+            return np.asarray(np.linalg.inv(self.model.stance(angles)))
+        height, pitch = lying
+        return moved((0.0, 0.0, height)) @ about((0.0, 1.0, 0.0), pitch)
+
+    def camera(self, width: int, height: int, part: str = "CameraTop") -> Camera:
         name = {"nao": "nao-v5-top", "pepper": "pepper-top"}[self.model.name]
-        return Camera.from_fov(width, height, *self.model.fov_deg, name)
+        depth = self.model.depth_fov_deg if part == "CameraDepth" else None
+        return Camera.from_fov(width, height, *(depth or self.model.fov_deg), name)
 
 
-_TORSO_M = 0.73
-"""Height of the torso's origin as a share of the neck's."""
-
-
-def _along(
-    start: tuple[float, float, float], by: tuple[float, float, float], share: float
-) -> tuple[float, float, float]:
-    return start[0] + share * by[0], start[1] + share * by[1], start[2] + share * by[2]
+def _along(start: Place, by: Place, share: float, arc: bool) -> Place:
+    forward, left, turn = (share * v for v in by)
+    angle = math.radians(turn)
+    if arc and abs(angle) > 1e-9:
+        ahead, aside = math.sin(angle) / angle, (1 - math.cos(angle)) / angle
+        forward, left = ahead * forward - aside * left, aside * forward + ahead * left
+    dx, dy = _turned(forward, left, start[2])
+    return start[0] + dx, start[1] + dy, start[2] + turn
 
 
 def _turned(forward_m: float, left_m: float, heading_deg: float) -> tuple[float, float]:
     c, s = math.cos(math.radians(heading_deg)), math.sin(math.radians(heading_deg))
     return c * forward_m - s * left_m, s * forward_m + c * left_m
-
-
-def _translation(forward: float, up: float) -> Array:
-    m = np.eye(4)
-    m[0, 3], m[2, 3] = forward, up
-    return m
-
-
-def _about_z(angle: float) -> Array:
-    m = np.eye(4)
-    c, s = math.cos(angle), math.sin(angle)
-    m[:2, :2] = [[c, -s], [s, c]]
-    return m
-
-
-def _about_y(angle: float) -> Array:
-    m = np.eye(4)
-    c, s = math.cos(angle), math.sin(angle)
-    m[0, 0], m[0, 2], m[2, 0], m[2, 2] = c, s, -s, c
-    return m

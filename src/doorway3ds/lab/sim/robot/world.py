@@ -19,7 +19,9 @@ from doorway3ds.lab.sim.pictures.dataset import Shot, exposed, largest, take, te
 from doorway3ds.lab.sim.pictures.truth import Truth, truth_of
 from doorway3ds.lab.sim.render.renderer import Eye, Renderer, open_context
 from doorway3ds.lab.sim.render.scene import build
-from doorway3ds.lab.sim.robot.body import MODELS, Body, Clock, Gait
+from doorway3ds.lab.sim.robot.body import Body, Clock, Gait
+from doorway3ds.lab.sim.robot.ground import Ground
+from doorway3ds.lab.sim.robot.model import MODELS
 from doorway3ds.lab.sim.trials.scenarios import Stage, find
 from doorway3ds.robots.base import RobotPose, TurnEnd, TurnResult
 from doorway3ds.robots.nao.format import FRAME_ROBOT, pose_of
@@ -69,6 +71,10 @@ class Studio:
             return depth, truth_of(plan, camera, eye, depth)
 
         return self._do(lambda: self._once(home, ("truth", camera, eye), draw))
+
+    def plan(self, home: Home) -> Plan:
+        """What stands where in a home."""
+        return self._do(lambda: self._enter(home)[1])
 
     def close(self) -> None:
         if self._context is None:
@@ -144,6 +150,7 @@ class World:
         self.body = Body(
             stage.eye.x, stage.eye.y, stage.eye.heading_deg,
             model=MODELS[model], clock=clock, rng=rng, gait=gait,
+            ground=Ground(lambda: studio.plan(stage.home)),
         )  # fmt: skip
         self._sensor = np.random.default_rng([0x5E45, stage.seed]) if noise else None
         self.reset_head()
@@ -174,6 +181,11 @@ class World:
         self.last = self.studio.shot(self.stage.home, camera, self.eye(part), self._sensor)
         return self.last
 
+    def depth(self, part: str, width: int, height: int) -> NDArray[np.float32]:
+        """For a virtual Pepper's depth camera: (H, W) metres, nan where there is nothing."""
+        camera = self.body.camera(width, height, part)
+        return self.studio.truth(self.stage.home, camera, self.eye(part))[0]
+
     def picture(self, part: str, width: int, height: int) -> NDArray[np.uint8]:
         """For a virtual NAO's ALVideoDevice."""
         # A robot that stands still sees the same: drawing takes longer than a camera does.
@@ -197,7 +209,8 @@ class SimRobot:
         self.name = f"sim://home?seed={world.stage.seed}&scenario={world.stage.scene}"
 
     def prepare(self) -> None:
-        self._body.awake, self._body.posture = True, "StandInit"
+        self._body.go("StandInit", 0.0)
+        self._body.awake = True
 
     def turn(self, theta_deg: float, timeout_s: float) -> TurnResult:
         clock = self._body.clock

@@ -1,0 +1,299 @@
+"""ALAutonomousLife, ALBasicAwareness and ALBehaviorManager of a virtual NAO.
+
+State is kept and answered for; the robot does nothing on its own.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+from doorway3ds.lab.sim.robot.nao.service import Service
+
+if TYPE_CHECKING:
+    from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
+
+
+class AutonomousLife(Service):
+    """ALAutonomousLife: disabled when the robot starts."""
+
+    _STATES = ("solitary", "interactive", "disabled", "safeguard")
+    _ABILITIES = (
+        "AutonomousBlinking", "BackgroundMovement", "BasicAwareness", "ListeningMovement",
+        "SpeakingMovement",
+    )  # fmt: skip
+
+    def __init__(self, nao: VirtualNao) -> None:
+        super().__init__(nao)
+        self._state, self._focus, self._offset_m = "disabled", "", 0.0
+        self._abilities = dict.fromkeys(self._ABILITIES, True)
+        self._safeguards: dict[str, bool] = {}
+        self._history: list[tuple[str, int]] = [("disabled", int(time.time()))]
+
+    def getState(self) -> str:
+        return self._state
+
+    def setState(self, state: str) -> None:
+        if state not in self._STATES:
+            raise RuntimeError(
+                f"ALAutonomousLife::setState expected {', '.join(self._STATES)}, got {state}"
+            )
+        if (self._state, state) == ("interactive", "solitary"):
+            raise RuntimeError("ALAutonomousLife::setState cannot go from interactive to solitary")
+        if state in ("disabled", "safeguard"):
+            self.stopAll()
+        if state != self._state:
+            self._state = state
+            self._history.append((state, int(time.time())))
+            self._nao.memory.raiseEvent("AutonomousLife/State", state)
+
+    def getStateHistory(self, depth: int = 0) -> list[list[Any]]:
+        return [list(entry) for entry in self._history[-depth:]]
+
+    def focusedActivity(self) -> str:
+        return self._focus
+
+    def switchFocus(self, activity: str, flags: int = 0) -> None:
+        if self._state == "disabled":
+            raise RuntimeError("ALAutonomousLife::switchFocus not while it is disabled")
+        self._focus = activity
+        self._nao.memory.raiseEvent("AutonomousLife/FocusedActivity", activity)
+
+    def stopFocus(self) -> None:
+        self._focus = ""
+
+    def stopAll(self) -> None:
+        self._focus = ""
+
+    def getAutonomousAbilityEnabled(self, ability: str) -> bool:
+        return self._abilities.get(ability, False)
+
+    def setAutonomousAbilityEnabled(self, ability: str, enabled: bool) -> None:
+        if ability != "All" and ability not in self._abilities:
+            raise RuntimeError(
+                f"ALAutonomousLife::setAutonomousAbilityEnabled expected All or "
+                f"{', '.join(self._ABILITIES)}, got {ability}"
+            )
+        for name in self._abilities if ability == "All" else (ability,):
+            self._abilities[name] = bool(enabled)
+
+    def getAutonomousAbilitiesStatus(self) -> list[list[Any]]:
+        """[[name, enabled, running], ...]."""
+        alive = self._state != "disabled"
+        return [[name, on, on and alive] for name, on in self._abilities.items()]
+
+    def setRobotOffsetFromFloor(self, metres: float) -> None:
+        self._offset_m = float(metres)
+
+    def getRobotOffsetFromFloor(self) -> float:
+        return self._offset_m
+
+    def setSafeguardEnabled(self, name: str, enabled: bool) -> None:
+        self._safeguards[name] = bool(enabled)
+
+    def isSafeguardEnabled(self, name: str) -> bool:
+        return self._safeguards.get(name, True)
+
+    def getLifeTime(self) -> int:
+        return int(time.time()) - self._history[0][1]
+
+
+_AWARENESS: dict[str, Any] = {
+    "LookStimulusSpeed": 0.5,
+    "LookBackSpeed": 0.5,
+    "NobodyFoundTimeOut": 1.0,
+    "MinTimeTracking": 4.0,
+    "TimeSleepBeforeResumeMS": 2000,
+    "TimeOutResetHead": 5.0,
+    "AmplitudeYawTracking": 30.0,
+    "PeoplePerceptionPeriod": 100,
+    "SlowPeoplePerceptionPeriod": 1000,
+    "HeadThreshold": 1.0,
+    "BodyRotationThreshold": 26.0,
+    "BodyRotationThresholdNao": 26.0,
+    "MoveDistanceX": 0.3,
+    "MoveDistanceY": 0.2,
+    "MoveThresholdX": 0.1,
+    "MoveThresholdY": 0.1,
+    "MoveThresholdTheta": 26.0,
+    "MoveSpeed": 0.6,
+    "MaxDistanceFullyEngaged": 2.5,
+    "MaxDistanceNotFullyEngaged": 3.5,
+    "MaxHumanSearchTime": 3.0,
+    "DeltaPitchComfortZone": 0.06,
+}
+
+
+class BasicAwareness(Service):
+    """ALBasicAwareness."""
+
+    _ENGAGEMENT = ("Unengaged", "FullyEngaged", "SemiEngaged")
+    _TRACKING = ("Head", "BodyRotation", "WholeBody", "MoveContextually")
+    _STIMULI = ("Sound", "Movement", "People", "Touch", "NavigationMotion")
+
+    def __init__(self, nao: VirtualNao) -> None:
+        super().__init__(nao)
+        self._on = self._paused = False
+        self._engagement, self._tracking = "Unengaged", "Head"
+        self._stimuli = dict.fromkeys(self._STIMULI, True)
+        self._parameters: dict[str, Any] = dict(_AWARENESS)
+
+    def setEnabled(self, enabled: bool) -> None:
+        self._on = bool(enabled)
+
+    def isEnabled(self) -> bool:
+        return self._on
+
+    def isRunning(self) -> bool:
+        return self._on and not self._paused
+
+    def startAwareness(self) -> None:
+        self._on = True
+
+    def stopAwareness(self) -> None:
+        self._on = False
+
+    def isAwarenessRunning(self) -> bool:
+        return self._on
+
+    def pauseAwareness(self) -> None:
+        self._paused = True
+
+    def resumeAwareness(self) -> None:
+        self._paused = False
+
+    def isAwarenessPaused(self) -> bool:
+        return self._paused
+
+    def setEngagementMode(self, mode: str) -> None:
+        self._engagement = self._one("setEngagementMode", mode, self._ENGAGEMENT)
+
+    def getEngagementMode(self) -> str:
+        return self._engagement
+
+    def setTrackingMode(self, mode: str) -> None:
+        self._tracking = self._one("setTrackingMode", mode, self._TRACKING)
+
+    def getTrackingMode(self) -> str:
+        return self._tracking
+
+    def setStimulusDetectionEnabled(self, name: str, enabled: bool) -> None:
+        self._stimuli[self._one("setStimulusDetectionEnabled", name, self._STIMULI)] = bool(enabled)
+
+    def isStimulusDetectionEnabled(self, name: str) -> bool:
+        return self._stimuli[self._one("isStimulusDetectionEnabled", name, self._STIMULI)]
+
+    def setParameter(self, name: str, value: Any) -> None:
+        self._parameters[self._one("setParameter", name, tuple(_AWARENESS))] = value
+
+    def getParameter(self, name: str) -> Any:
+        return self._parameters[self._one("getParameter", name, tuple(_AWARENESS))]
+
+    def resetAllParameters(self) -> None:
+        self._parameters = dict(_AWARENESS)
+
+    def engagePerson(self, person: int) -> bool:
+        return False  # nobody is in view
+
+    def triggerStimulus(self, position: Any) -> int:
+        return -1
+
+    def _one(self, method: str, value: str, known: tuple[str, ...]) -> str:
+        if value not in known:
+            raise RuntimeError(
+                f"ALBasicAwareness::{method} expected {', '.join(known)}, got {value}"
+            )
+        return value
+
+
+_ANIMATIONS = (
+    "BodyTalk/BodyTalk_1",
+    "Emotions/Positive/Happy_1",
+    "Gestures/Explain_1",
+    "Gestures/Hey_1",
+    "Gestures/No_1",
+    "Gestures/Yes_1",
+    "Waiting/Stretch_1",
+)
+
+
+class BehaviorManager(Service):
+    """ALBehaviorManager: the animations that each robot brings; they run and move nothing."""
+
+    _TOOK_S = 1.0
+
+    def __init__(self, nao: VirtualNao) -> None:
+        super().__init__(nao)
+        self._installed = [f"animations/Stand/{name}" for name in _ANIMATIONS]
+        self._until: dict[str, float] = {}
+        self._defaults: list[str] = []
+
+    def getInstalledBehaviors(self) -> list[str]:
+        return list(self._installed)
+
+    def getBehaviorNames(self) -> list[str]:
+        return list(self._installed)
+
+    def getUserBehaviorNames(self) -> list[str]:
+        return []
+
+    def getSystemBehaviorNames(self) -> list[str]:
+        return list(self._installed)
+
+    def isBehaviorInstalled(self, name: str) -> bool:
+        return name in self._installed
+
+    def isBehaviorPresent(self, name: str) -> bool:
+        return name in self._installed
+
+    def isBehaviorLoaded(self, name: str) -> bool:
+        return self.isBehaviorRunning(name)
+
+    def preloadBehavior(self, name: str) -> bool:
+        return name in self._installed
+
+    def startBehavior(self, name: str) -> None:
+        """Starts it and does not wait."""
+        if name not in self._installed:
+            raise RuntimeError(f"ALBehaviorManager::startBehavior {name} is not installed")
+        self._until[name] = self._nao.body.clock.now() + self._TOOK_S
+
+    def runBehavior(self, name: str) -> None:
+        """Runs it to its end, or until it is stopped."""
+        self.startBehavior(name)
+        while self.isBehaviorRunning(name):
+            self._nao.body.clock.sleep(0.05)
+
+    def stopBehavior(self, name: str) -> None:
+        self._until.pop(name, None)
+
+    def stopAllBehaviors(self) -> None:
+        self._until.clear()
+
+    def isBehaviorRunning(self, name: str) -> bool:
+        return self._until.get(name, 0.0) > self._nao.body.clock.now()
+
+    def getRunningBehaviors(self) -> list[str]:
+        return [name for name in self._installed if self.isBehaviorRunning(name)]
+
+    def getLoadedBehaviors(self) -> list[str]:
+        return self.getRunningBehaviors()
+
+    def getBehaviorTags(self, name: str) -> list[str]:
+        return []
+
+    def getTagList(self) -> list[str]:
+        return []
+
+    def getBehaviorNature(self, name: str) -> str:
+        return "no nature"
+
+    def getDefaultBehaviors(self) -> list[str]:
+        return list(self._defaults)
+
+    def addDefaultBehavior(self, name: str) -> None:
+        self._defaults.append(name)
+
+    def removeDefaultBehavior(self, name: str) -> None:
+        if name in self._defaults:
+            self._defaults.remove(name)

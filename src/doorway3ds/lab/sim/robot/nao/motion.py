@@ -1,0 +1,383 @@
+"""ALMotion's joints and ALRobotPosture of a virtual NAO: radians and metres."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from doorway3ds.lab.sim.robot.nao.service import Service, each, returns
+from doorway3ds.lab.sim.robot.nao.walk import Walk
+
+if TYPE_CHECKING:
+    from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
+
+_WAKE_S = 1.0
+_FLAGS = {
+    "BreathEnabled": False,
+    "CollisionProtectionEnabled": True,
+    "DiagnosisEffectEnabled": True,
+    "ExternalCollisionProtectionEnabled": True,
+    "FallManagerEnabled": True,
+    "IdlePostureEnabled": False,
+    "OrthogonalSecurityDistance": 0.4,
+    "PushRecoveryEnabled": True,
+    "SmartStiffnessEnabled": True,
+    "TangentialSecurityDistance": 0.1,
+}
+"""Reflexes and safety as they are when the robot starts; kept when set, and without effect."""
+
+
+class Motion(Walk):
+    """ALMotion."""
+
+    def __init__(self, nao: VirtualNao) -> None:
+        super().__init__(nao)
+        self._flags: dict[str, dict[str, Any]] = {name: {} for name in _FLAGS}
+        self._breath: list[list[Any]] = [["Bpm", 12.0], ["Amplitude", 0.5]]
+
+    # Stiffness.
+
+    def wakeUp(self) -> None:
+        body = self._nao.body
+        if not body.awake:
+            took = _WAKE_S / 4 if body.posture.startswith("Stand") else _WAKE_S
+            body.go(body.posture if body.posture.startswith("Stand") else "Stand", took)
+            body.clock.sleep(took)
+        body.awake = True
+        self._nao.memory.raiseEvent("robotIsWakeUp", True)
+
+    def rest(self, chain: str = "") -> None:
+        """Crouches and goes limp; with a chain, only that goes limp."""
+        body = self._nao.body
+        if chain:
+            self.setStiffnesses(chain, 0.0)
+            return
+        body.stop()
+        if body.awake:
+            body.go("Crouch", _WAKE_S)
+            body.clock.sleep(_WAKE_S)
+        self.setStiffnesses("Body", 0.0)
+        body.awake = False
+        self._nao.memory.raiseEvent("robotIsWakeUp", False)
+
+    def robotIsWakeUp(self) -> bool:
+        return self._nao.body.awake
+
+    def setStiffnesses(self, names: Any, values: Any) -> None:
+        joints = self._joints(names)
+        for name, value in zip(joints, each("setStiffnesses", values, len(joints)), strict=True):
+            self._nao.body.stiffen(name, float(value))
+
+    @returns("[f]")
+    def getStiffnesses(self, names: Any) -> list[float]:
+        return [self._nao.body.stiffness(name) for name in self._joints(names)]
+
+    def stiffnessInterpolation(self, names: Any, stiffnesses: Any, times: Any) -> None:
+        joints = self._joints(names)
+        steps = sorted(
+            (when, name, value)
+            for name, (whens, values) in zip(joints, _keys(joints, stiffnesses, times), strict=True)
+            for when, value in zip(whens, values, strict=True)
+        )
+        past = 0.0
+        for when, name, value in steps:
+            self._nao.body.clock.sleep(when - past)
+            self._nao.body.stiffen(name, value)
+            past = when
+
+    # Angles.
+
+    @returns("[f]")
+    def getAngles(self, names: Any, sensors: bool = True) -> list[float]:
+        body = self._nao.body
+        return [body.angle(n) if sensors else body.goal(n) for n in self._joints(names)]
+
+    def setAngles(self, names: Any, angles: Any, fractions: Any) -> None:
+        """Starts and does not wait."""
+        joints = self._joints(names)
+        self._towards(joints, each("setAngles", angles, len(joints)), fractions)
+
+    def changeAngles(self, names: Any, changes: Any, fraction: Any) -> None:
+        joints = self._joints(names)
+        by = each("changeAngles", changes, len(joints))
+        self._towards(
+            joints, [self._nao.body.angle(j) + float(b) for j, b in zip(joints, by, strict=True)],
+            fraction,
+        )  # fmt: skip
+
+    def angleInterpolation(self, names: Any, angles: Any, times: Any, absolute: bool = True
+                           ) -> None:  # fmt: skip
+        """Moves joints through angles, each reached at its time, and waits for the last."""
+        body, joints = self._nao.body, self._joints(names)
+        longest = 0.0
+        for name, (whens, goals) in zip(joints, _keys(joints, angles, times), strict=True):
+            base = 0.0 if absolute else body.angle(name)
+            body.drive(name, whens, [base + goal for goal in goals])
+            longest = max(longest, whens[-1])
+        body.clock.sleep(longest)
+
+    def angleInterpolationBezier(self, names: Any, times: Any, points: Any) -> None:
+        """As `angleInterpolation`; of a control point the angle counts, not its handles."""
+        angles = [[p[0] if isinstance(p, list | tuple) else p for p in line] for line in points]
+        self.angleInterpolation(names, angles, times, True)
+
+    def angleInterpolationWithSpeed(self, names: Any, angles: Any, fraction: float) -> None:
+        joints = self._joints(names)
+        goals = each("angleInterpolationWithSpeed", angles, len(joints))
+        self._nao.body.clock.sleep(self._towards(joints, goals, fraction))
+
+    def openHand(self, hand: str) -> None:
+        self.angleInterpolationWithSpeed(hand, 1.0, 1.0)
+
+    def closeHand(self, hand: str) -> None:
+        self.angleInterpolationWithSpeed(hand, 0.0, 1.0)
+
+    def killAll(self) -> None:
+        self.stopMove()
+        self._nao.body.freeze()
+
+    # Where things are.
+
+    @returns("[f]")
+    def getTransform(self, name: str, frame: int, sensors: bool = True) -> list[float]:
+        return [float(v) for v in self._nao.body.transform(name, int(frame)).ravel()]
+
+    @returns("[f]")
+    def getPosition(self, name: str, frame: int, sensors: bool = True) -> list[float]:
+        m = self._nao.body.transform(name, int(frame))
+        angles = (
+            math.atan2(m[2, 1], m[2, 2]),
+            math.asin(float(np.clip(-m[2, 0], -1, 1))),
+            math.atan2(m[1, 0], m[0, 0]),
+        )
+        return [*(float(v) for v in m[:3, 3]), *angles]
+
+    # What there is.
+
+    def getBodyNames(self, name: str) -> list[str]:
+        return self._joints(name)
+
+    def getJointNames(self, name: str) -> list[str]:
+        return self._joints(name)
+
+    def getSensorNames(self) -> list[str]:
+        return list(self._nao.body.model.parts)
+
+    def getLimits(self, name: str) -> list[list[float]]:
+        """[[least, most (rad), speed (rad/s), torque (Nm)], ...]."""
+        joints = (self._nao.body.model.joints[j] for j in self._joints(name))
+        return [[float(v) for v in (j.low, j.high, j.speed, j.torque)] for j in joints]
+
+    def getRobotConfig(self) -> list[list[Any]]:
+        """[names, values]."""
+        nao = self._nao.body.model.name == "nao"
+        model = ("naoH25", "VERSION_50") if nao else ("juliette", "VERSION_18")
+        config: dict[str, Any] = {
+            "Model Type": model[0], "Head Version": model[1], "Body Version": model[1],
+            "Laser": not nao, "Legs": nao, "Arms": True, "Extended Arms": True,
+            "Number of Legs": 2 if nao else 1, "Number of Arms": 2, "Number of Hands": 2,
+        }  # fmt: skip
+        return [list(config), list(config.values())]
+
+    def getSummary(self) -> str:
+        body = self._nao.body
+        lines = [f"{'joint':16}{'stiffness':>10}{'command':>9}{'sensor':>9}"]
+        for j in body.model.joints:
+            lines.append(f"{j:16}{body.stiffness(j):10.2f}{body.goal(j):9.4f}{body.angle(j):9.4f}")
+        return "\n".join(lines)
+
+    def getMotionCycleTime(self) -> int:
+        return 20
+
+    def getTaskList(self) -> list[list[Any]]:
+        return [["Move", 1]] if self._nao.body.moving else []
+
+    # Reflexes and safety.
+
+    def setFallManagerEnabled(self, enabled: bool) -> None:
+        self._flags["FallManagerEnabled"][""] = enabled
+
+    def getFallManagerEnabled(self) -> bool:
+        return bool(self._flag("FallManagerEnabled"))
+
+    def setSmartStiffnessEnabled(self, enabled: bool) -> None:
+        self._flags["SmartStiffnessEnabled"][""] = enabled
+
+    def getSmartStiffnessEnabled(self) -> bool:
+        return bool(self._flag("SmartStiffnessEnabled"))
+
+    def setPushRecoveryEnabled(self, enabled: bool) -> None:
+        self._flags["PushRecoveryEnabled"][""] = enabled
+
+    def getPushRecoveryEnabled(self) -> bool:
+        return bool(self._flag("PushRecoveryEnabled"))
+
+    def setDiagnosisEffectEnabled(self, enabled: bool) -> None:
+        self._flags["DiagnosisEffectEnabled"][""] = enabled
+
+    def getDiagnosisEffectEnabled(self) -> bool:
+        return bool(self._flag("DiagnosisEffectEnabled"))
+
+    def setCollisionProtectionEnabled(self, chain: str, enabled: bool) -> bool:
+        self._flags["CollisionProtectionEnabled"][chain] = enabled
+        return True
+
+    def getCollisionProtectionEnabled(self, chain: str) -> bool:
+        return bool(self._flag("CollisionProtectionEnabled", chain))
+
+    def setExternalCollisionProtectionEnabled(self, name: str, enabled: bool) -> None:
+        parts = ("All", "Move", "Arms", "LArm", "RArm") if name == "All" else (name,)
+        for part in parts:
+            self._flags["ExternalCollisionProtectionEnabled"][part] = enabled
+
+    def getExternalCollisionProtectionEnabled(self, name: str) -> bool:
+        return bool(self._flag("ExternalCollisionProtectionEnabled", name))
+
+    def setOrthogonalSecurityDistance(self, metres: float) -> None:
+        self._flags["OrthogonalSecurityDistance"][""] = metres
+
+    def getOrthogonalSecurityDistance(self) -> float:
+        return float(self._flag("OrthogonalSecurityDistance"))
+
+    def setTangentialSecurityDistance(self, metres: float) -> None:
+        self._flags["TangentialSecurityDistance"][""] = metres
+
+    def getTangentialSecurityDistance(self) -> float:
+        return float(self._flag("TangentialSecurityDistance"))
+
+    def setBreathEnabled(self, chain: str, enabled: bool) -> None:
+        self._flags["BreathEnabled"][chain] = enabled
+
+    def getBreathEnabled(self, chain: str) -> bool:
+        return bool(self._flag("BreathEnabled", chain))
+
+    def setBreathConfig(self, config: Any) -> None:
+        self._breath = [list(pair) for pair in config]
+
+    def getBreathConfig(self) -> list[list[Any]]:
+        return self._breath
+
+    def setIdlePostureEnabled(self, chain: str, enabled: bool) -> None:
+        self._flags["IdlePostureEnabled"][chain] = enabled
+
+    def getIdlePostureEnabled(self, chain: str) -> bool:
+        return bool(self._flag("IdlePostureEnabled", chain))
+
+    def _flag(self, name: str, chain: str = "") -> Any:
+        kept = self._flags[name]
+        return kept.get(chain, kept.get("Body", _FLAGS[name]))
+
+    def _joints(self, names: Any) -> list[str]:
+        model = self._nao.body.model
+        out: list[str] = []
+        for name in [names] if isinstance(names, str) else names:
+            found = model.names(name)
+            if not found:
+                raise RuntimeError(
+                    f"ALMotion: unknown joint {name}; expected {', '.join(model.joints)} or "
+                    f"{', '.join(model.chains)}"
+                )
+            out += found
+        return out
+
+    def _towards(self, joints: list[str], goals: list[Any], fractions: Any) -> float:
+        """Sends joints to angles; how long the slowest takes."""
+        body, longest = self._nao.body, 0.0
+        for name, goal, fraction in zip(
+            joints, goals, each("fraction of the speed", fractions, len(joints)), strict=True
+        ):
+            if not 0 < float(fraction) <= 1:
+                raise RuntimeError(
+                    f"ALMotion: expected a fraction of speed in 0..1, got {fraction}"
+                )
+            limits = body.model.joints[name]
+            end = min(max(float(goal), limits.low), limits.high)
+            took = abs(end - body.angle(name)) / (limits.speed * float(fraction))
+            body.drive(name, [took], [end])
+            longest = max(longest, took)
+        return longest
+
+
+_FAMILIES = {
+    "Crouch": "Crouching",
+    "LyingBack": "LyingBack",
+    "LyingBelly": "LyingBelly",
+    "Sit": "Sitting",
+    "SitRelax": "Sitting",
+}
+
+
+class Posture(Service):
+    """ALRobotPosture."""
+
+    def __init__(self, nao: VirtualNao) -> None:
+        super().__init__(nao)
+        self._tries = 3
+
+    def goToPosture(self, name: str, speed: float) -> bool:
+        body = self._nao.body
+        if name not in body.model.postures:
+            return False
+        family = self.getPostureFamily()
+        if body.posture != name or not body.awake:
+            took = 0.6 / max(float(speed), 0.1)
+            body.go(name, took)
+            body.clock.sleep(took)
+        else:
+            body.go(name, 0.1)
+            body.clock.sleep(0.1)
+        body.awake = True
+        memory = self._nao.memory
+        memory.raiseEvent("PostureChanged", name)
+        if self.getPostureFamily() != family:
+            memory.raiseEvent("PostureFamilyChanged", self.getPostureFamily())
+        return True
+
+    def applyPosture(self, name: str, speed: float) -> bool:
+        return self.goToPosture(name, speed)
+
+    def getPosture(self) -> str:
+        return self._nao.body.posture
+
+    def getPostureFamily(self) -> str:
+        return _FAMILIES.get(self._nao.body.posture, "Standing")
+
+    def getPostureList(self) -> list[str]:
+        return list(self._nao.body.model.postures)
+
+    def getPostureFamilyList(self) -> list[str]:
+        return sorted({_FAMILIES.get(n, "Standing") for n in self.getPostureList()})
+
+    def setMaxTryNumber(self, tries: int) -> None:
+        self._tries = int(tries)
+
+    def stopMove(self) -> None:
+        self._nao.body.freeze()
+
+
+def _keys(joints: list[str], values: Any, times: Any) -> list[tuple[list[float], list[float]]]:
+    """For each joint its times and values: each may have one or a list of them."""
+    size = len(joints)
+    lines, spans = values, times
+    if size == 1 and isinstance(values, list | tuple) and not _nested(values):
+        lines = [values]
+    if size == 1 and isinstance(times, list | tuple) and not _nested(times):
+        spans = [times]
+    out = []
+    for goals, whens in zip(each("values", lines, size), each("times", spans, size), strict=True):
+        goals = [float(g) for g in (goals if isinstance(goals, list | tuple) else [goals])]
+        whens = [float(t) for t in (whens if isinstance(whens, list | tuple) else [whens])]
+        rising = all(a < b for a, b in zip([0.0, *whens], whens, strict=False))
+        if len(goals) != len(whens) or not goals or not rising:
+            raise RuntimeError(
+                f"ALMotion: expected as many rising times as values for each joint, got {whens} "
+                f"for {goals}"
+            )
+        out.append((whens, goals))
+    return out
+
+
+def _nested(values: Any) -> bool:
+    return bool(values) and isinstance(values[0], list | tuple)

@@ -1,0 +1,200 @@
+"""ALTextToSpeech and ALAnimatedSpeech of a virtual NAO: what was said is kept."""
+
+from __future__ import annotations
+
+import re
+import threading
+from typing import TYPE_CHECKING, Any
+
+from doorway3ds.lab.sim.robot.nao.service import Service
+
+if TYPE_CHECKING:
+    from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
+
+_VOICES = {"English": "naoenu", "French": "naofrf", "German": "naoged", "Japanese": "naojpj",
+           "Chinese": "naomnc", "Spanish": "naospe", "Italian": "naoiti"}  # fmt: skip
+_PARAMETERS = {
+    "pitchShift": 0.0,
+    "doubleVoice": 0.0,
+    "doubleVoiceLevel": 0.0,
+    "doubleVoiceTimeShift": 0.0,
+    "speed": 100.0,
+    "defaultVoiceSpeed": 100.0,
+}
+_TAG = re.compile(r"\\+(\w+)(?:=([^\\]*))?\\+")
+_GESTURE = re.compile(r"\^\w+(?:\([^)]*\))?")
+_SLICE_S = 0.05
+
+
+class Speech(Service):
+    """ALTextToSpeech: what was said is kept and handed to `VirtualNao.on_speech`."""
+
+    def __init__(self, nao: VirtualNao) -> None:
+        super().__init__(nao)
+        self._language, self._voice, self._volume = "English", "naoenu", 0.5
+        self._parameters = dict(_PARAMETERS)
+        self._dictionary: dict[str, str] = {}
+        self._speaking = threading.Lock()
+        self._stops = 0
+        self._count = 0
+
+    def say(self, text: str, language: str = "") -> None:
+        """Says it and waits until it is said. Tags as \\rspd=80\\ are heard, not spoken."""
+        if language and language not in _VOICES:
+            raise RuntimeError(f"ALTextToSpeech::say the language {language} is not installed")
+        stops = self._stops
+        with self._speaking:
+            self._say(text, stops)
+
+    def _say(self, text: str, stops: int) -> None:
+        nao, memory = self._nao, self._nao.memory
+        self._count += 1
+        speed, pause = self._parameters["speed"], 0.0
+        for name, value in _TAG.findall(text):
+            if name == "rspd" and value:
+                speed = float(value)
+            elif name == "pau" and value:
+                pause += float(value) / 1000
+            elif name == "mrk" and value:
+                memory.raiseEvent("ALTextToSpeech/CurrentBookMark", int(value))
+        words = " ".join(_GESTURE.sub(" ", _TAG.sub(" ", text)).split())
+        nao.said.append(words)
+        nao.on_speech(words)
+        memory.raiseEvent("ALTextToSpeech/CurrentSentence", words)
+        memory.raiseEvent("ALTextToSpeech/TextStarted", 1)
+        memory.raiseEvent("ALTextToSpeech/Status", [self._count, "started"])
+        left = pause + min(0.05 * len(words), 3.0) * 100 / max(speed, 50.0)
+        while left > 0 and self._stops == stops:
+            nao.body.clock.sleep(min(_SLICE_S, left))
+            left -= _SLICE_S
+        stopped = self._stops != stops
+        memory.raiseEvent("ALTextToSpeech/TextStarted", 0)
+        if stopped:
+            memory.raiseEvent("ALTextToSpeech/TextInterrupted", 1)
+        memory.raiseEvent("ALTextToSpeech/TextDone", 0 if stopped else 1)
+        memory.raiseEvent("ALTextToSpeech/Status", [self._count, "stopped" if stopped else "done"])
+
+    def stopAll(self) -> None:
+        self._stops += 1
+
+    def setLanguage(self, language: str) -> None:
+        if language not in _VOICES:
+            raise RuntimeError(
+                f"ALTextToSpeech::setLanguage expected {', '.join(_VOICES)}, got {language}"
+            )
+        self._language, self._voice = language, _VOICES[language]
+
+    def getLanguage(self) -> str:
+        return self._language
+
+    def getAvailableLanguages(self) -> list[str]:
+        return list(_VOICES)
+
+    def getSupportedLanguages(self) -> list[str]:
+        return list(_VOICES)
+
+    def locale(self) -> str:
+        return {"English": "en_US", "French": "fr_FR", "German": "de_DE", "Japanese": "ja_JP",
+                "Chinese": "zh_CN", "Spanish": "es_ES",
+                "Italian": "it_IT"}[self._language]  # fmt: skip
+
+    def setVoice(self, voice: str) -> None:
+        if voice not in _VOICES.values():
+            raise RuntimeError(
+                f"ALTextToSpeech::setVoice expected {', '.join(_VOICES.values())}, got {voice}"
+            )
+        self._voice = voice
+
+    def getVoice(self) -> str:
+        return self._voice
+
+    def getAvailableVoices(self) -> list[str]:
+        return list(_VOICES.values())
+
+    def setVolume(self, volume: float) -> None:
+        if not 0 <= volume <= 1:
+            raise RuntimeError(f"ALTextToSpeech::setVolume expected 0 to 1, got {volume}")
+        self._volume = float(volume)
+
+    def getVolume(self) -> float:
+        return self._volume
+
+    def setParameter(self, name: str, value: float) -> None:
+        if name not in self._parameters:
+            raise RuntimeError(
+                f"ALTextToSpeech::setParameter expected {', '.join(self._parameters)}, got {name}"
+            )
+        self._parameters[name] = float(value)
+
+    def getParameter(self, name: str) -> float:
+        if name not in self._parameters:
+            raise RuntimeError(
+                f"ALTextToSpeech::getParameter expected {', '.join(self._parameters)}, got {name}"
+            )
+        return self._parameters[name]
+
+    def resetSpeed(self) -> None:
+        self._parameters["speed"] = self._parameters["defaultVoiceSpeed"]
+
+    def reset(self) -> None:
+        self._parameters = dict(_PARAMETERS)
+
+    def addToDictionary(self, word: str, spoken: str) -> bool:
+        self._dictionary[word] = spoken
+        return True
+
+    def deleteFromDictionary(self, word: str) -> bool:
+        return self._dictionary.pop(word, None) is not None
+
+
+class AnimatedSpeech(Service):
+    """ALAnimatedSpeech: speaks as ALTextToSpeech does; gestures are left out."""
+
+    _MODES = ("disabled", "random", "contextual")
+
+    def __init__(self, nao: VirtualNao) -> None:
+        super().__init__(nao)
+        self._mode = 2
+
+    def say(self, text: str, configuration: Any = None) -> None:
+        self._nao.services["ALTextToSpeech"].say(text)
+
+    def setBodyLanguageMode(self, mode: int) -> None:
+        if mode not in range(len(self._MODES)):
+            raise RuntimeError(f"ALAnimatedSpeech::setBodyLanguageMode expected 0 to 2, got {mode}")
+        self._mode = int(mode)
+
+    def getBodyLanguageMode(self) -> int:
+        return self._mode
+
+    def setBodyLanguageModeFromStr(self, mode: str) -> None:
+        if mode not in self._MODES:
+            raise RuntimeError(
+                f"ALAnimatedSpeech::setBodyLanguageModeFromStr expected {', '.join(self._MODES)}, "
+                f"got {mode}"
+            )
+        self._mode = self._MODES.index(mode)
+
+    def getBodyLanguageModeToStr(self) -> str:
+        return self._MODES[self._mode]
+
+    def setBodyLanguageEnabled(self, enabled: bool) -> None:
+        self._mode = 2 if enabled else 0
+
+    def isBodyLanguageEnabled(self) -> bool:
+        return self._mode > 0
+
+    def setBodyTalkEnabled(self, enabled: bool) -> None:
+        self.setBodyLanguageEnabled(enabled)
+
+    def isBodyTalkEnabled(self) -> bool:
+        return self.isBodyLanguageEnabled()
+
+    def addTagsToWords(self, tags: Any) -> None:
+        return
+
+    def declareTagForAnimations(self, tags: Any) -> None:
+        return
+
+    def declareAnimationsPackage(self, package: str) -> None:
+        return

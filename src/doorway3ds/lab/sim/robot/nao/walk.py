@@ -1,0 +1,232 @@
+"""ALMotion's walking of a virtual NAO: metres, radians, + left."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from doorway3ds.lab.sim.robot.model import about, moved
+from doorway3ds.lab.sim.robot.nao.service import Service, returns
+
+if TYPE_CHECKING:
+    from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
+
+_ON_S = 60.0  # a walk without an end goes on until it is stopped; nobody lets it go on for longer
+_GAIT = {  # name: least, default, most
+    "nao": {
+        "MaxStepX": (0.001, 0.04, 0.08),
+        "MaxStepY": (0.101, 0.14, 0.16),
+        "MaxStepTheta": (0.001, 0.349, 0.524),
+        "MaxStepFrequency": (0.0, 1.0, 1.0),
+        "StepHeight": (0.005, 0.02, 0.04),
+        "TorsoWx": (-0.122, 0.0, 0.122),
+        "TorsoWy": (-0.122, 0.0, 0.122),
+    },
+    "pepper": {
+        "MaxVelXY": (0.1, 0.35, 0.55),
+        "MaxVelTheta": (0.2, 1.0, 2.0),
+        "MaxAccXY": (0.1, 0.3, 0.55),
+        "MaxAccTheta": (0.1, 0.75, 3.0),
+        "MaxJerkXY": (0.2, 1.0, 5.0),
+        "MaxJerkTheta": (0.2, 2.0, 50.0),
+        "TorsoWx": (-0.122, 0.0, 0.122),
+        "TorsoWy": (-0.122, 0.0, 0.122),
+    },
+}
+
+
+class Walk(Service):
+    """What of ALMotion walks."""
+
+    def __init__(self, nao: VirtualNao) -> None:
+        super().__init__(nao)
+        self._arms = [True, True]
+        self._config: list[list[Any]] = []
+
+    def moveInit(self) -> None:
+        body = self._nao.body
+        self._stand("moveInit")
+        if not body.posture.startswith("Stand"):
+            body.go("StandInit", 0.6)
+            body.clock.sleep(0.6)
+
+    def moveTo(self, *given: Any) -> bool:
+        """(x, y, theta), ([[x, y, theta], ...]), then optionally a time and a config.
+
+        All poses are in the robot's frame at the start. Returns whether it arrived.
+        """
+        nao = self._nao
+        poses, rest = _poses("moveTo", given)
+        config = next((v for v in rest if isinstance(v, list | tuple)), [])
+        seconds = next((float(v) for v in rest if not isinstance(v, list | tuple)), None)
+        self.moveInit()
+        if nao.faults.stuck:
+            nao.body.stop()
+            nao.released.wait(60)
+            return False
+        speed = self._speed(config)
+        if seconds is not None and seconds <= 0:
+            raise RuntimeError(f"ALMotion::moveTo expected a time above 0, got {seconds}")
+        done = np.eye(3)
+        for pose in poses:
+            goal = _flat(*pose)
+            step = np.linalg.inv(done) @ goal
+            theta = math.atan2(step[1, 0], step[0, 0]) if len(poses) > 1 else pose[2]
+            number = nao.body.begin(float(step[0, 2]), float(step[1, 2]), theta, speed)
+            arrived = nao.body.wait(number)
+            nao.sense()
+            if not arrived:
+                return False
+            done = goal
+        return True
+
+    def move(self, x: float, y: float, theta: float, config: Any = ()) -> None:
+        """m/s and rad/s, until stopped."""
+        gait = self._nao.body.gait
+        self._go(
+            float(x) / gait.speed_m_s, float(y) / gait.speed_m_s,
+            math.degrees(theta) / gait.speed_deg_s, (1.0, 1.0), "move",
+        )  # fmt: skip
+
+    def moveToward(self, x: float, y: float, theta: float, config: Any = ()) -> None:
+        """Shares of the most, -1 to 1, until stopped."""
+        x, y, theta = (min(max(float(v), -1.0), 1.0) for v in (x, y, theta))
+        self._go(x, y, theta, self._speed(config), "moveToward")
+
+    def setWalkTargetVelocity(
+        self, x: float, y: float, theta: float, frequency: float, left: Any = (), right: Any = ()
+    ) -> None:
+        share = min(max(float(frequency), 0.0), 1.0)
+        self.moveToward(float(x) * share, float(y) * share, float(theta) * share, left)
+
+    def stopMove(self) -> None:
+        self._nao.body.stop()
+        self._nao.released.set()
+        self._nao.released.clear()
+
+    def killMove(self) -> None:
+        self.stopMove()
+
+    def stopWalk(self) -> None:
+        self.stopMove()
+
+    def killWalk(self) -> None:
+        self.stopMove()
+
+    def walkInit(self) -> None:
+        self.moveInit()
+
+    def walkTo(self, *given: Any) -> bool:
+        return self.moveTo(*given)
+
+    def moveIsActive(self) -> bool:
+        return self._nao.body.moving
+
+    def walkIsActive(self) -> bool:
+        return self._nao.body.moving
+
+    def waitUntilMoveIsFinished(self) -> None:
+        while self._nao.body.moving:
+            self._nao.body.clock.sleep(0.02)
+
+    def waitUntilWalkIsFinished(self) -> None:
+        self.waitUntilMoveIsFinished()
+
+    @returns("[f]")
+    def getRobotPosition(self, sensors: bool = True) -> list[float]:
+        x, y, heading = self._nao.body.odometry()
+        return [x, y, math.radians((heading + 180) % 360 - 180)]
+
+    @returns("[f]")
+    def getNextRobotPosition(self) -> list[float]:
+        return self.getRobotPosition(True)  # type: ignore[no-any-return]
+
+    @returns("[f]")
+    def getRobotVelocity(self) -> list[float]:
+        x, y, theta = self._nao.body.velocity()
+        return [x, y, math.radians(theta)]
+
+    def getMoveConfig(self, kind: str = "Default") -> list[list[Any]]:
+        """[[name, value], ...] for "Min", "Default" or "Max"."""
+        if kind not in ("Min", "Default", "Max"):
+            raise RuntimeError(f"ALMotion::getMoveConfig expected Min, Default or Max, got {kind}")
+        which = ("Min", "Default", "Max").index(kind)
+        return [[name, v[which]] for name, v in _GAIT[self._nao.body.model.name].items()]
+
+    def getFootGaitConfig(self, kind: str) -> list[list[Any]]:
+        return self.getMoveConfig(kind)
+
+    def setMotionConfig(self, config: Any) -> None:
+        """ENABLE_FOOT_CONTACT_PROTECTION and the like: kept, without effect."""
+        self._config = [list(pair) for pair in config]
+
+    def setMoveArmsEnabled(self, left: bool, right: bool) -> None:
+        self._arms = [bool(left), bool(right)]
+
+    def getMoveArmsEnabled(self, chain: str = "Arms") -> bool:
+        return {"LArm": self._arms[0], "RArm": self._arms[1]}.get(chain, all(self._arms))
+
+    def setWalkArmsEnabled(self, left: bool, right: bool) -> None:
+        self.setMoveArmsEnabled(left, right)
+
+    def getWalkArmsEnabled(self) -> list[bool]:
+        return list(self._arms)
+
+    def _stand(self, method: str) -> None:
+        if not self._nao.body.awake:
+            raise RuntimeError(f"ALMotion::{method} the robot is not awake")
+
+    def _go(self, x: float, y: float, theta: float, speed: tuple[float, float], method: str
+            ) -> None:  # fmt: skip
+        """Walks at shares of the gait's speed until stopped."""
+        body, gait = self._nao.body, self._nao.body.gait
+        self._stand(method)
+        if not any((x, y, theta)):
+            body.stop()
+            return
+        fast = max(math.hypot(x, y) * speed[0], abs(theta) * speed[1])
+        body.begin(
+            x * gait.speed_m_s * speed[0] * _ON_S, y * gait.speed_m_s * speed[0] * _ON_S,
+            math.radians(theta * gait.speed_deg_s * speed[1] * _ON_S), (fast, fast), True,
+        )  # fmt: skip
+
+    def _speed(self, config: Any) -> tuple[float, float]:
+        """Factors on walking and turning by a config of [name, value] pairs."""
+        known = _GAIT[self._nao.body.model.name]
+        share = {}
+        for pair in config:
+            if not isinstance(pair, list | tuple) or len(pair) != 2 or pair[0] not in known:
+                raise RuntimeError(
+                    f"ALMotion: expected a move config of [name, value] with {', '.join(known)}, "
+                    f"got {pair}"
+                )
+            least, usual, most = known[pair[0]]
+            share[pair[0]] = min(max(float(pair[1]), least, 1e-3), most) / (usual or 1.0)
+        pace = share.get("MaxStepFrequency", 1.0)
+        walks = share.get("MaxStepX", 1.0) * share.get("MaxVelXY", 1.0)
+        turns = share.get("MaxStepTheta", 1.0) * share.get("MaxVelTheta", 1.0)
+        return walks * pace, turns * pace
+
+
+def _poses(method: str, given: tuple[Any, ...]) -> tuple[list[list[float]], tuple[Any, ...]]:
+    """The poses of a walk's arguments, and what follows them."""
+    if given and isinstance(given[0], list | tuple):
+        first = given[0]
+        lines = first if first and isinstance(first[0], list | tuple) else [first]
+        rest = given[1:]
+    else:
+        lines, rest = [given[:3]], given[3:]
+    poses = [[float(v) for v in line] for line in lines]
+    if not poses or any(len(p) != 3 or not all(map(math.isfinite, p)) for p in poses):
+        raise RuntimeError(
+            f"ALMotion::{method} expected x, y, theta or a list of those, got {given}"
+        )
+    return poses, rest
+
+
+def _flat(x: float, y: float, theta: float) -> np.ndarray:
+    """(3, 3) of a pose on the floor."""
+    m = moved((x, y, 0.0)) @ about((0.0, 0.0, 1.0), theta)
+    return m[np.ix_([0, 1, 3], [0, 1, 3])]
