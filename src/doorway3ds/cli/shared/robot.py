@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -72,11 +73,16 @@ def robot_of(name: str, source: Source, limits: Limits) -> Iterator[Robot]:
     else:
         from doorway3ds.robots.nao.robot import NaoRobot
 
-        legs = NaoRobot(name, limits)
+        legs = NaoRobot(name, limits, tell=_tell)
     try:
         yield legs
     finally:
         legs.close()
+
+
+def _tell(line: str) -> None:
+    sys.stderr.write(line + "\n")
+    sys.stderr.flush()
 
 
 @contextlib.contextmanager

@@ -22,6 +22,7 @@ from doorway3ds.sources.live import LiveSource
 from doorway3ds.sources.uri import query
 
 CAMERAS = {"top": (0, "CameraTop"), "bottom": (1, "CameraBottom")}
+PATIENCE_S = 1.0
 STEADY_DEG = 0.5
 """A camera that turned by more than this while its picture was fetched has no known pose."""
 
@@ -63,7 +64,8 @@ def _choice(uri: str, name: str, value: str, known: dict[str, Any]) -> Any:
 class NaoCapture:
     """One subscription to one camera; always unsubscribed, also where setting up fails.
 
-    seen: holds the last picture's stamp, for the connection after this one.
+    seen: holds the last image's stamp, for the connection after this one. A robot whose answers are
+    of no use for PATIENCE_S raises UserError with the reason of the last of them.
     """
 
     def __init__(
@@ -79,40 +81,50 @@ class NaoCapture:
         self._index, self._part = camera
         self._seen = [] if seen is None else seen
         self._next_s = 0.0
+        self._good_s = time.monotonic()
         client = _client()
         self._forget_the_dead(client)
         self._handle = naoqi.call(
             "ALVideoDevice", "subscribeCamera", client, self._index, resolution, colour, fps
         )
-        if not self._handle:
+        if not self._handle or not isinstance(self._handle, str):
             raise UserError(
                 f"the robot {naoqi.name} refused camera {self._index}; are there too many clients?"
             )
 
     def read(self) -> Shot | None:
-        """The newest picture, or None where there is no new one or it cannot be used."""
+        """The newest image, or None where there is no new one or it cannot be used."""
         time.sleep(max(0.0, self._next_s - time.monotonic()))
+        try:
+            shot = self._shot()
+        except RobotError:
+            raise
+        except UserError as error:
+            # One null or a cut image is everyday: the next may be whole.
+            if time.monotonic() - self._good_s > PATIENCE_S:
+                raise UserError(f"{self._naoqi.name}: {error}") from error
+            return None
+        self._good_s = time.monotonic()
+        return shot
+
+    def _shot(self) -> Shot:
+        """Raises UserError for what is no fresh image of a camera that stands still."""
         asked_s = time.monotonic()
         self._next_s = asked_s + 1 / self._fps
         before = self._pose()
         container = self._naoqi.call("ALVideoDevice", "getImageRemote", self._handle)
         with contextlib.suppress(RobotError):
             self._naoqi.call("ALVideoDevice", "releaseImage", self._handle)
-        if container is None:
-            return None
-        try:
-            fields = naoformat.fields_of(container)
-            image, camera = naoformat.to_rgb(fields), naoformat.camera_of(fields)
-        except UserError:
-            return None  # cut short on its way; the next one may be whole
+        fields = naoformat.fields_of(container)
+        image, camera = naoformat.to_rgb(fields), naoformat.camera_of(fields)
         stamp = (int(fields[4]), int(fields[5]))
         if stamp in self._seen:
-            return None
+            raise UserError("the robot sends the same image again, with the same stamp")
         self._seen[:] = [stamp]
         after = self._pose()
         if not _alike(before, after):
-            return None
-        # The exposure lies before the request; one period covers a picture that waited for us.
+            raise UserError("the camera keeps moving while its image is fetched")
+        # The exposure lies before the request; one period covers an image that waited for us.
         return Shot(image, asked_s - 1 / self._fps, camera, after)
 
     def close(self) -> None:
@@ -130,7 +142,8 @@ class NaoCapture:
         """Unsubscribes what crashed processes of this computer left behind; their number counts."""
         computer = client.rpartition("-")[0] + "-"
         with contextlib.suppress(RobotError):
-            for handle in self._naoqi.call("ALVideoDevice", "getSubscribers") or []:
+            held = self._naoqi.call("ALVideoDevice", "getSubscribers")
+            for handle in held if isinstance(held, list | tuple) else ():
                 if str(handle).startswith(computer):
                     process = str(handle).removeprefix(computer).partition("_")[0]
                     if process.isdigit() and not _alive(int(process)):

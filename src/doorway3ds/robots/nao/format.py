@@ -24,13 +24,31 @@ COLOURS = {"rgb": 11, "bgr": 13, "yuv422": 9, "grey": 0}
 BYTES = {11: 3, 13: 3, 9: 2, 0: 1}
 FRAME_TORSO, FRAME_WORLD, FRAME_ROBOT = 0, 1, 2
 FIELDS = 12
+ROTATION = 0.01
+"""By which a transform's rotation may fail to be one."""
+
+
+def numbers(what: str, values: Any, size: int) -> list[float]:
+    """`size` finite numbers of a robot's answer; UserError for anything else."""
+    if not isinstance(values, list | tuple):
+        got = "nothing" if values is None else type(values).__name__
+        raise UserError(f"{what}: expected {size} numbers, got {got}")
+    if len(values) != size:
+        raise UserError(f"{what}: expected {size} numbers, got {len(values)}")
+    for value in values:
+        if not isinstance(value, int | float) or not math.isfinite(value):
+            raise UserError(f"{what}: expected {size} numbers, got {value!r} among them")
+    return [float(v) for v in values]
 
 
 def fields_of(container: Any) -> Sequence[Any]:
     """The image container's fields; UserError where it is none."""
+    if container is None:
+        raise UserError("the robot answers null instead of an image")
     if not isinstance(container, list | tuple) or len(container) < FIELDS:
         size = len(container) if isinstance(container, list | tuple) else type(container).__name__
         raise UserError(f"expected an image container of {FIELDS} fields, got {size}")
+    numbers("an image's size, colour space and stamp", container[:6], 6)
     return container
 
 
@@ -38,15 +56,14 @@ def to_rgb(fields: Sequence[Any]) -> NDArray[np.uint8]:
     """(H, W, 3) RGB of a container; UserError where its pixels are not what its fields say."""
     width, height, colour = int(fields[0]), int(fields[1]), int(fields[3])
     if colour not in BYTES:
-        raise UserError(f"expected a picture in {', '.join(COLOURS)}, got colour space {colour}")
+        known = ", ".join(f"{name} ({number})" for name, number in COLOURS.items())
+        raise UserError(f"expected an image in {known}, got colour space {colour}")
     if not isinstance(fields[6], bytes | bytearray | memoryview):
-        raise UserError(f"expected a picture's bytes, got {type(fields[6]).__name__}")
+        raise UserError(f"expected an image's bytes, got {type(fields[6]).__name__}")
     pixels = np.frombuffer(fields[6], np.uint8)
     wanted = width * height * BYTES[colour]
     if wanted <= 0 or pixels.size != wanted:
-        raise UserError(
-            f"expected {wanted} bytes for a {width}x{height} picture, got {pixels.size}"
-        )
+        raise UserError(f"expected {wanted} bytes for a {width}x{height} image, got {pixels.size}")
     shaped = pixels.reshape(height, width, BYTES[colour])
     if colour == COLOURS["rgb"]:
         return shaped.copy()
@@ -60,7 +77,10 @@ def to_rgb(fields: Sequence[Any]) -> NDArray[np.uint8]:
 
 def camera_of(fields: Sequence[Any]) -> Camera | None:
     """Intrinsics by the container's own angles, None where they make no sense."""
-    left, top, right, bottom = (float(v) for v in fields[8:12])
+    try:
+        left, top, right, bottom = numbers("field of view", fields[8:12], 4)
+    except UserError:
+        return None
     across, down = math.tan(left) - math.tan(right), math.tan(top) - math.tan(bottom)
     if not all(0.05 < abs(v) < 1.4 for v in (left, top, right, bottom)):
         return None
@@ -73,11 +93,14 @@ def camera_of(fields: Sequence[Any]) -> Camera | None:
     )
 
 
-def pose_of(transform: Sequence[float]) -> Pose:
-    """The pose of a camera (x forward, y left, z up) from its 4x4 transform in FRAME_ROBOT."""
-    if len(transform) != 16:
-        raise UserError(f"expected a transform of 16 numbers, got {len(transform)}")
-    m = np.asarray(transform, np.float64).reshape(4, 4)
+def pose_of(transform: Any) -> Pose:
+    """The pose of a camera (x forward, y left, z up) from its 4x4 transform in FRAME_ROBOT.
+
+    Raises UserError for what is none.
+    """
+    m = np.asarray(numbers("a camera's transform", transform, 16)).reshape(4, 4)
+    if not np.allclose(m[:3, :3] @ m[:3, :3].T, np.eye(3), atol=ROTATION):
+        raise UserError("a camera's transform: expected a rotation, got numbers that are none")
     return Pose(
         height_m=float(m[2, 3]),
         pitch_deg=math.degrees(math.asin(max(-1.0, min(1.0, m[2, 0])))),

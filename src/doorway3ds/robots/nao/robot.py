@@ -11,8 +11,10 @@ import contextlib
 import math
 import threading
 import time
+from collections.abc import Callable
 from typing import Any
 
+from doorway3ds.errors import UserError
 from doorway3ds.robots.base import (
     HALTING,
     Limits,
@@ -22,8 +24,10 @@ from doorway3ds.robots.base import (
     TurnEnd,
     TurnResult,
 )
+from doorway3ds.robots.nao.format import numbers
 from doorway3ds.robots.nao.session import Naoqi, address
 
+LIFE = "ALAutonomousLife"
 POSTURE, POSTURE_SPEED = "StandInit", 0.5
 HEAD = ["HeadYaw", "HeadPitch"]
 HEAD_S = 1.0
@@ -43,15 +47,26 @@ _EVENTS = {
 
 
 class NaoRobot:
-    """A robot at nao://host:port. Connecting moves nothing; see `prepare`."""
+    """A robot at nao://host:port. Connecting moves nothing; see `prepare`.
 
-    def __init__(self, uri: str, limits: Limits | None = None, timeout_s: float = 5.0) -> None:
+    tell: is called with a line about what it changes of the robot's own life.
+    """
+
+    def __init__(
+        self,
+        uri: str,
+        limits: Limits | None = None,
+        timeout_s: float = 5.0,
+        tell: Callable[[str], None] = lambda line: None,
+    ) -> None:
         host, port = address(uri)
         self.name = f"nao://{host}:{port}"
         self.limits = limits or Limits()
         self._where = (host, port, timeout_s)
         self._halt: TurnEnd | None = None
         self._stopping = threading.Event()
+        self._tell = tell
+        self._life: str | None = None
         self._naoqi = Naoqi(host, port, timeout_s)
         try:
             for service in ("ALMotion", "ALRobotPosture", "ALMemory"):
@@ -62,11 +77,12 @@ class NaoRobot:
             raise
 
     def prepare(self) -> None:
-        """Motors on, posture StandInit, head to zero."""
+        """Autonomous life off until `close`, motors on, posture StandInit, head to zero."""
         self._halt = None
         self._stopping.clear()
         call = self._naoqi.call
         try:
+            self._disable_life()
             if not call("ALMotion", "robotIsWakeUp"):
                 call("ALMotion", "wakeUp", timeout_s=_PREPARE_S)
             call("ALMotion", "setStiffnesses", "Head", 1.0)
@@ -105,7 +121,7 @@ class NaoRobot:
         return TurnResult(theta_deg, turned, end, time.monotonic() - began)
 
     def aim(self, yaw_deg: float, pitch_deg: float) -> tuple[float, float] | None:
-        yaw, pitch = self._naoqi.call("ALMotion", "getAngles", HEAD, True)
+        yaw, pitch = self._numbers("getAngles", 2, HEAD, True)
         # NAOqi's pitch is + down; it clips to the joints' limits itself.
         self._turn_head([math.radians(yaw_deg), -math.radians(pitch_deg)], AIM_S)
         return math.degrees(yaw), -math.degrees(pitch)
@@ -116,29 +132,92 @@ class NaoRobot:
         Raises RobotLost where the robot cannot be told.
         """
         self._stopping.set()
-        try:
-            self._naoqi.call("ALMotion", "stopMove", timeout_s=_STOP_S)
-        except RobotLost:
-            host, port, _ = self._where
-            again = Naoqi(host, port, _STOP_S)
-            try:
-                again.call("ALMotion", "stopMove")
-            finally:
-                again.close()
+        self._on_any_connection("ALMotion", "stopMove")
 
     def pose(self) -> RobotPose:
-        x, y, theta = self._naoqi.call("ALMotion", "getRobotPosition", True)
-        return RobotPose(float(x), float(y), math.degrees(theta))
+        x, y, theta = self._numbers("getRobotPosition", 3, True)
+        return RobotPose(x, y, math.degrees(theta))
 
     def say(self, text: str) -> None:
         self._naoqi.call("ALTextToSpeech", "say", text, timeout_s=_PREPARE_S)
 
     def rest(self) -> None:
-        """Crouches and switches the motors off. Only ever called because a person asked."""
+        """Crouches and switches the motors off. Only ever called because a person asked.
+
+        Autonomous life then stays off: it would wake the robot again.
+        """
         self._naoqi.call("ALMotion", "rest", timeout_s=_PREPARE_S)
+        if self._life is not None:
+            self._tell(f"{self.name}: autonomous life stays disabled, since the robot rests")
+            self._life = None
 
     def close(self) -> None:
-        self._naoqi.close()
+        try:
+            self._restore_life()
+        finally:
+            self._naoqi.close()
+
+    def _disable_life(self) -> None:
+        """Keeps the robot from moving on its own; remembers how it lived."""
+        try:
+            self._naoqi.service(LIFE)
+        except RobotLost:
+            raise
+        except RobotError:
+            return  # a robot without it does nothing on its own
+        state = str(self._naoqi.call(LIFE, "getState"))
+        if state == "disabled":
+            return
+        self._naoqi.call(LIFE, "setState", "disabled", timeout_s=_PREPARE_S)
+        self._life = state
+        self._tell(f"{self.name}: autonomous life was {state}, now disabled; restored at the end")
+
+    def _restore_life(self) -> None:
+        """Over a new connection where the old one is gone; a failure is told, not raised."""
+        state, self._life = self._life, None
+        if state is None:
+            return
+        wanted = state
+        try:
+            try:
+                self._on_any_connection(LIFE, "setState", wanted, timeout_s=_PREPARE_S)
+            except RobotLost:
+                raise
+            except RobotError:
+                # Only an activity leads to some states: those follow from this one.
+                wanted = "solitary"
+                self._on_any_connection(LIFE, "setState", wanted, timeout_s=_PREPARE_S)
+        except RobotError as error:
+            self._tell(f"{self.name}: autonomous life could not be set back to {wanted}: {error}")
+        else:
+            self._tell(f"{self.name}: autonomous life is {wanted} again")
+
+    def _numbers(self, method: str, size: int, *values: Any) -> list[float]:
+        """ALMotion's answer; RobotError where it is not so many numbers."""
+        try:
+            return numbers(
+                f"{self.name}: ALMotion.{method}",
+                self._naoqi.call("ALMotion", method, *values),
+                size,
+            )
+        except RobotError:
+            raise
+        except UserError as error:
+            raise RobotError(str(error)) from error
+
+    def _on_any_connection(
+        self, service: str, method: str, *values: Any, timeout_s: float = _STOP_S
+    ) -> None:
+        """Calls, and over a new connection where the old one is gone."""
+        try:
+            self._naoqi.call(service, method, *values, timeout_s=timeout_s)
+        except RobotLost:
+            host, port, _ = self._where
+            again = Naoqi(host, port, _STOP_S)
+            try:
+                again.call(service, method, *values, timeout_s=timeout_s)
+            finally:
+                again.close()
 
     def _turn_head(self, angles: list[float], took_s: float) -> None:
         self._naoqi.call(

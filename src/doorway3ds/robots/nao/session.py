@@ -43,6 +43,10 @@ class Call:
 
         return bool(self._future.wait(wait_ms) != qi.FutureState.Running)
 
+    def cancel(self) -> None:
+        """Asks for its end, which a robot may not heed."""
+        self._future.cancel()
+
     def result(self, timeout_s: float) -> Any:
         """The call's value.
 
@@ -131,6 +135,23 @@ class Naoqi:
             # The subscriber lives as long as it is held.
             self._links.append((subscriber, link, event))
 
+    def listen(self, url: str) -> None:
+        """Lets the robot call what is registered here; RobotError where that cannot be."""
+        try:
+            self._session.listen(url)
+        except RuntimeError as error:
+            raise RobotError(f"cannot listen at {url}: {_first_line(str(error))}") from error
+
+    def register(self, name: str, service: Any) -> int:
+        """Offers a service on the robot's session; returns its number."""
+        try:
+            return int(self._session.registerService(name, service))
+        except RuntimeError as error:
+            raise RobotError(f"{name} cannot be registered: {_first_line(str(error))}") from error
+
+    def unregister(self, number: int) -> None:
+        self._session.unregisterService(number)
+
     def close(self) -> None:
         """Ends the session; may be called twice."""
         links, self._links = self._links, []
@@ -146,4 +167,4 @@ class Naoqi:
 def _first_line(text: str) -> str:
     """A NAOqi error without the traceback and module path that it drags along."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
-    return lines[0] if lines else "no reason given"
+    return lines[0].removeprefix("RuntimeError: ") if lines else "no reason given"

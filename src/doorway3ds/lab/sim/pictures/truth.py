@@ -338,7 +338,7 @@ def truth_of(
     floor = (np.abs(view.points[..., 2]) < FLOOR_M) & ~np.isnan(depth)
     room = furnished.home.room_at(float(view.lens[0]), float(view.lens[1]))
     if room is None:
-        raise ValueError("the camera must stand inside a room of the home")
+        return Truth((), floor, False, ())  # outdoors no doorway of a room is faced
     found = []
     for index, portal in enumerate(furnished.home.portals):
         if portal.is_open and room.index in portal.rooms:
