@@ -45,6 +45,7 @@ class LiveSource(Source):
         self._crash: BaseException | None = None
         self._wait_s = FIRST_WAIT_S
         self._away = False
+        self._why: str | None = None
         try:
             capture = connect()
         except SourceLost:
@@ -97,9 +98,10 @@ class LiveSource(Source):
                     return shot
                 now = time.monotonic()
                 silent_s = now - self._last_s
-                # A device whose driver hangs never returns to the reading thread.
-                if self._patience_s is not None and silent_s > self._patience_s + self._stall_s:
-                    self._gone = self._gone or self._lost("no picture comes")
+                # A device whose driver hangs never returns to the reading thread, and one whose
+                # every connection fails later than in connecting never ends `_reconnect`.
+                if self._patience_s is not None and silent_s > self._patience_s:
+                    self._gone = self._gone or self._lost(self._why or "no picture comes")
                 if self._gone is not None:
                     self.ended = True
                     raise SourceLost(self._gone)
@@ -166,13 +168,13 @@ class LiveSource(Source):
         if not self._away:
             self._away = True
             self.notice(f"{self.name} is lost: {reason}; trying again")
-        self.problem = reason
+        self.problem = self._why = reason
         while not self._closing.wait(self._wait_s):
             self._wait_s = min(2 * self._wait_s, LONGEST_WAIT_S)
             try:
                 capture = self._connect()
             except (OSError, UserError) as error:
-                self.problem = str(error)
+                self.problem = self._why = str(error)
             else:
                 self.reconnects += 1
                 return capture
@@ -181,7 +183,7 @@ class LiveSource(Source):
             left_s = self._last_s + self._patience_s - time.monotonic()
             if left_s <= 0:
                 with self._news:
-                    self._gone = self._lost(self.problem)
+                    self._gone = self._lost(self._why)
                     self._news.notify_all()
                 return None
             self._wait_s = min(self._wait_s, max(left_s, 0.01))
