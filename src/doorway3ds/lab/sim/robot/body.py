@@ -28,13 +28,16 @@ class Clock(Protocol):
 
 
 class RealClock:
-    """The clock on the wall."""
+    """The clock on the wall. rate: seconds of the robot's in one of ours."""
+
+    def __init__(self, rate: float = 1.0) -> None:
+        self._rate = rate
 
     def now(self) -> float:
-        return time.monotonic()
+        return time.monotonic() * self._rate
 
     def sleep(self, seconds: float) -> None:
-        time.sleep(seconds)
+        time.sleep(max(0.0, seconds) / self._rate)
 
 
 class FastClock:
