@@ -101,3 +101,21 @@ def test_a_camera_that_fails_ends_with_its_own_status(cli: Any, virtual: Any) ->
               "--move", "--network", "net.onnx", "--log", "a")  # fmt: skip
     assert (ran.status, ran.out.split()[0]) == (6, "lost:")
     assert nao.body.place()[2] == 0.0
+
+
+@pytest.mark.nao
+def test_a_run_that_moves_says_that_autonomous_life_is_off_and_puts_it_back(
+    cli: Any, virtual: Any
+) -> None:
+    nao, where = virtual()
+    life = nao.services["ALAutonomousLife"]
+    life.setState("solitary")
+    uri = f"nao://{where}"
+    source = (f"{uri}?resolution=qvga&fps=20", "--robot", uri, "--network", "net.onnx")
+    ran = cli("run", *source, "--log", "dry")
+    assert "autonomous life" not in ran.err
+    nao.faults.null = True  # the run ends with an error
+    ran = cli("run", *source, "--log", "moving", "--move")
+    assert "autonomous life was solitary, now disabled" in ran.err
+    assert "autonomous life is solitary again" in ran.err
+    assert life.getState() == "solitary"

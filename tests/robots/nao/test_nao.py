@@ -292,3 +292,145 @@ def test_naoqi_scripts_find_the_calls_that_they_use(virtual: Any) -> None:
     with pytest.raises(RobotError, match="not awake"):
         call("ALMotion", "moveTo", 0.0, 0.0, 0.3)
     session.close()
+
+
+@pytest.mark.parametrize("state", ["solitary", "interactive", "safeguard"])
+def test_autonomous_life_is_off_while_the_robot_is_ours_and_back_afterwards(
+    virtual: Any, state: str
+) -> None:
+    nao, where = virtual()
+    life = nao.services["ALAutonomousLife"]
+    life.setState(state)
+    told: list[str] = []
+    robot = robot_at(where, tell=told.append)
+    assert life.getState() == state  # connecting changes nothing
+    robot.prepare()
+    assert life.getState() == "disabled"
+    assert told == [f"nao://{where}: autonomous life was {state}, now disabled; "
+                    "restored at the end"]  # fmt: skip
+    robot.close()
+    assert life.getState() == state
+    assert told[-1].endswith(f"autonomous life is {state} again")
+
+
+def test_a_robot_that_was_asked_to_rest_is_not_woken_by_its_own_life(virtual: Any) -> None:
+    nao, where = virtual()
+    nao.services["ALAutonomousLife"].setState("solitary")
+    told: list[str] = []
+    robot = robot_at(where, tell=told.append)
+    robot.prepare()
+    robot.rest()
+    robot.close()
+    assert nao.services["ALAutonomousLife"].getState() == "disabled"
+    assert "stays disabled" in told[-1]
+
+
+def test_a_robot_without_autonomous_life_is_prepared_all_the_same(virtual: Any) -> None:
+    nao, where = virtual(without=("ALAutonomousLife",))
+    robot = robot_at(where)
+    robot.prepare()
+    robot.close()
+    assert nao.body.awake
+
+
+class Odd:
+    """A robot's services with answers of no use."""
+
+    def __init__(self, **answers: Any) -> None:
+        self._answers = answers
+
+    def getSubscribers(self) -> Any:
+        return self._answers.get("held", [])
+
+    def subscribeCamera(self, *asked: Any) -> Any:
+        return self._answers.get("handle", "odd_0")
+
+    def unsubscribe(self, handle: str) -> bool:
+        return True
+
+    def releaseImage(self, handle: str) -> bool:
+        return True
+
+    def getImageRemote(self, handle: str) -> Any:
+        return self._answers.get("image")
+
+    def getTransform(self, *asked: Any) -> Any:
+        level = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0.5, 0, 0, 0, 1]
+        return self._answers.get("transform", [float(v) for v in level])
+
+    def getAngles(self, *asked: Any) -> Any:
+        return self._answers.get("angles")
+
+    def getRobotPosition(self, *asked: Any) -> Any:
+        return self._answers.get("position")
+
+    def subscriber(self, name: str) -> Any:
+        import qi
+
+        class Subscriber:
+            def __init__(self) -> None:
+                self.signal = qi.Signal("(m)")
+
+        return Subscriber()
+
+
+@pytest.fixture
+def odd() -> Any:
+    """Starts robots that answer oddly: odd(handle=...) -> "127.0.0.1:port"."""
+    qi = pytest.importorskip("qi")
+    sessions = []
+
+    def start(**answers: Any) -> str:
+        session = qi.Session()
+        session.listenStandalone("tcp://127.0.0.1:0")
+        for name in ("ALVideoDevice", "ALMotion", "ALMemory", "ALRobotPosture"):
+            session.registerService(name, Odd(**answers))
+        sessions.append(session)
+        return str(session.endpoints()[0]).removeprefix("tcp://")
+
+    yield start
+    for session in sessions:
+        session.close()
+
+
+GOOD = [4, 2, 3, 11, 1, 0, "24 letters, no bytes here", 0, 0.5, 0.4, -0.5, -0.4]
+HOPELESS = float("nan")
+
+
+@pytest.mark.parametrize(
+    ("answers", "said"),
+    [
+        ({"handle": ""}, "refused camera 0"),
+        ({"handle": None}, "refused camera 0"),
+        ({"handle": 7}, "refused camera 0"),
+        ({}, "answers null instead of an image"),
+        ({"image": [1, 2]}, "container of 12 fields, got 2"),
+        ({"image": "x"}, "container of 12 fields, got str"),
+        ({"image": GOOD}, "expected an image's bytes, got str"),
+        ({"image": [*GOOD[:3], 10, *GOOD[4:]]}, "rgb .11., .*got colour space 10"),
+        ({"image": [None, *GOOD[1:]]}, "got None among them"),
+        ({"transform": None}, "transform: expected 16 numbers, got nothing"),
+        ({"transform": []}, "transform: expected 16 numbers, got 0"),
+        ({"transform": [0.0] * 16}, "expected a rotation"),
+        ({"transform": [HOPELESS] * 16}, "got nan among them"),
+    ],
+)
+def test_answers_of_no_use_are_the_last_thing_said(
+    odd: Any, answers: dict[str, Any], said: str
+) -> None:
+    def look() -> None:
+        with open_source(f"nao://{odd(**answers)}?fps=30", patience_s=1.6) as source:
+            for _ in range(100):
+                source.read(0.5)
+
+    with pytest.raises(UserError, match=said):
+        look()
+
+
+@pytest.mark.parametrize("answer", [None, [], [0.1], ["x", 0.2], [HOPELESS, 0.0], 3])
+def test_a_robot_that_says_no_angle_or_place_is_one_line(odd: Any, answer: Any) -> None:
+    robot = robot_at(odd(angles=answer, position=answer))
+    for ask in (lambda: robot.aim(0.0, 0.0), robot.pose):
+        with pytest.raises(RobotError, match=r"ALMotion\.get\w+: expected \d numbers"):
+            ask()
+    robot.close()

@@ -56,7 +56,9 @@ def test_memory_knows_joints_sonars_touch_battery_and_inertial_unit() -> None:
     assert memory.getData(f"{DEVICE}InertialSensor/AccZ/Sensor/Value") == pytest.approx(-9.81)
     assert memory.getData(f"{DEVICE}LFoot/FSR/TotalWeight/Sensor/Value") == pytest.approx(2.65)
     nao.services["ALRobotPosture"].goToPosture("LyingBack", 1.0)
-    assert memory.getData(f"{DEVICE}InertialSensor/AngleY/Sensor/Value") == pytest.approx(-1.5708)
+    assert memory.getData(f"{DEVICE}InertialSensor/AngleY/Sensor/Value") == pytest.approx(
+        -math.pi / 2
+    )
     pepper = robot("pepper").memory
     assert pepper.getDataList("Sonar") == [
         f"{DEVICE}Platform/Back/Sonar/Sensor/Value", f"{DEVICE}Platform/Front/Sonar/Sensor/Value",

@@ -46,7 +46,10 @@ class Service:
 
     def __init_subclass__(cls) -> None:
         for name, method in list(vars(cls).items()):
-            if name.startswith("_") or not inspect.isfunction(method):
+            if not inspect.isfunction(method) or name.startswith("__"):
+                continue
+            if name.startswith("_"):
+                method.__qi_signature__ = "DONOTBIND"  # type: ignore[attr-defined]  # as qi.nobind
                 continue
             if any(p.default is not p.empty for p in inspect.signature(method).parameters.values()):
                 setattr(cls, name, _any_number(name, method))
