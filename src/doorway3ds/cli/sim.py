@@ -35,6 +35,13 @@ def render(
     seed: Annotated[int, typer.Option(min=0, help="Other seeds, other homes.")] = 0,
     size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of the pictures.")] = "320x240",
     workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    hazards: Annotated[
+        float,
+        typer.Option(min=0, max=1, help="Share of homes with stairs, glass, mirrors, people ..."),
+    ] = 0.0,
+    low: Annotated[
+        float, typer.Option(min=0, max=1, help="Share of views from 0.3 to 0.6 m.")
+    ] = 0.0,
 ) -> None:
     """Render pictures of simulated homes with depth, floor and doorways."""
     from rich.console import Console
@@ -46,7 +53,9 @@ def render(
     pixels = parse_size(size)
     with Progress(console=Console(stderr=True)) as bar:
         task = bar.add_task("pictures", total=count)
-        total = render_dataset(out, count, seed, pixels, workers, lambda n: bar.advance(task, n))
+        total = render_dataset(
+            out, count, seed, pixels, workers, lambda n: bar.advance(task, n), hazards, low
+        )
     typer.echo(f"{total} pictures in {out}, some of them on {write_contact_sheet(out)}")
 
 

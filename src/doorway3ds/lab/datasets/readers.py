@@ -66,6 +66,14 @@ _RENDERED_KINDS = {
     "window": "window",
     "mirror": "mirror",
     "wardrobe": "wardrobe or cabinet",
+    "closet": "closet without a leaf",
+    "glass_closed": "closed glass door",
+    "curtain": "curtain",
+    "stairs_down": "stairs down",
+    "stairs_up": "stairs up",
+    "step": "step",
+    "person": "person",
+    "pet": "pet",
 }
 
 CAMERA_FILE = "camera.yaml"

@@ -11,6 +11,7 @@ from doorway3ds.lab.sim.homes import apartment as homes
 from doorway3ds.lab.sim.homes import clutter
 from doorway3ds.lab.sim.homes.furnish import footprint, furnish, overlap
 from doorway3ds.lab.sim.homes.inventory import ROOMS
+from doorway3ds.lab.sim.homes.oddments import cable, closet, pet, toys
 from doorway3ds.lab.sim.homes.plan import Plan
 from doorway3ds.lab.sim.homes.shell import leaf_of
 from tests.lab.sim.conftest import doorway, two_rooms
@@ -84,7 +85,8 @@ def test_furniture_stands_inside_its_room_and_apart(seed: int) -> None:
 
 
 @pytest.mark.parametrize("maker", sorted({m for row in ROOMS.values() for m, _, _ in row}
-                                         | {*clutter.SMALL, *clutter.BLOCKERS},
+                                         | {*clutter.SMALL, *clutter.BLOCKERS}
+                                         | {closet, cable, toys, pet},
                                          key=lambda m: m.__name__))  # fmt: skip
 def test_meshes_fit_their_stated_size(maker: homes.Home) -> None:
     for seed in range(4):

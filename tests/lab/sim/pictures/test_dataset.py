@@ -56,6 +56,20 @@ def test_render_writes_what_training_reads_and_goes_on_after_a_cut(
     assert (out / "images" / "000000.jpg").read_bytes() == before
 
 
+def test_a_share_of_homes_with_hazards_and_of_low_views(gl: Any, cli: Cli, tmp_path: Path) -> None:
+    out = tmp_path / "homes"
+    call = ("sim", "render", "--out", out, "--count", 10, "--seed", 3, "--size", "128x96")
+    done = cli(*call, "--workers", 1, "--hazards", 1, "--low", 1)
+    assert done.status == 0, done.err
+    with (out / "doorways.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert tuple(rows[0]) == dataset.COLUMNS
+    assert all(0.3 <= float(r["height_m"]) <= 0.6 for r in rows)
+    shown = {kind for s in read_dataset(out).samples for kind in s.kinds}
+    assert shown & {"stairs down", "stairs up", "step", "closet without a leaf", "curtain",
+                    "closed glass door", "mirror", "person", "pet"}  # fmt: skip
+
+
 def test_one_picture_repeats_bit_for_bit(gl: Any, cli: Cli, tmp_path: Path) -> None:
     where = ("--home", 34, "--x", 1.63, "--y", 2.92, "--heading-deg", 321.3, "--size", "160x120")
     for name in ("a", "b"):

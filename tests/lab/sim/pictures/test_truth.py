@@ -17,8 +17,9 @@ from doorway3ds.lab.sim.homes.clutter import carton, person
 from doorway3ds.lab.sim.homes.furnish import Mirror, Placed
 from doorway3ds.lab.sim.homes.furniture import Item, wardrobe
 from doorway3ds.lab.sim.homes.mesh import box
-from doorway3ds.lab.sim.homes.way import Way
+from doorway3ds.lab.sim.homes.stairs import Flight
 from doorway3ds.lab.sim.pictures.perceive import perceive
+from doorway3ds.lab.sim.pictures.way import Way
 from doorway3ds.types import Reason
 from tests.lab.sim.conftest import bare, camera, doorway, level, tilted, two_rooms
 
@@ -235,6 +236,59 @@ def test_a_mirror_shows_what_stands_behind_the_camera(shoot: Shoot) -> None:
     assert found.mean() == pytest.approx(column, abs=1.5)
     assert shot.truth.openings == ()
     assert shot.truth.states == ("mirror",)
+
+
+DOWN = Flight(0, 2.4, 1.9, 3.9, 3.1, 0, 5, -0.18, 0.28)
+
+
+def test_a_drop_before_the_sill_blocks_and_is_no_floor(shoot: Shoot) -> None:
+    home = replace(two_rooms(doorway()), flights=(DOWN,))
+    shot = shoot(bare(home), camera(), level(1.0, 2.5, 0.0, pitch_deg=-12))
+    assert [(o.way, o.clear) for o in shot.truth.openings] == [(Way.BLOCKED, False)]
+    assert shot.truth.states == ("stairs_down", "no_leaf")
+    # This ray meets the floor's plane over the hole, 2.2 m ahead, and goes on to the far wall.
+    ray = (grid_rays(camera()) @ shot.eye.axes().T)[190, 160]
+    at = shot.eye.lens() + shot.depth[190, 160] * ray
+    assert at[0] == pytest.approx(3.9, abs=0.01)
+    assert at[2] == pytest.approx(1.2 + ray[2] / ray[0] * 2.9, abs=0.01)
+    assert at[2] < -0.2
+    assert not shot.truth.floor[190, 160]
+    assert shot.truth.floor[235, 20]  # beside the hole
+
+
+def test_stairs_behind_the_sill_are_told_and_do_not_block(shoot: Shoot) -> None:
+    flight = Flight(1, 4.1, 1.9, 6.5, 3.1, 0, 6, -0.18, 0.28)
+    home = replace(two_rooms(doorway()), flights=(flight,))
+    shot = shoot(bare(home), camera(), level(1.0, 2.5, 0.0, pitch_deg=-8))
+    (opening,) = shot.truth.openings
+    assert (opening.way, opening.clear, opening.beyond) == (Way.FREE, True, ("stairs_down",))
+
+
+@pytest.mark.parametrize(
+    ("portal", "state"),
+    [
+        (doorway("glass_closed", style=6), "glass_closed"),
+        (doorway("curtain"), "curtain"),
+        (doorway("sliding_closed", width=1.6), "sliding_closed"),
+    ],
+)
+def test_glass_and_curtains_are_no_open_doorways(shoot: Shoot, portal: Any, state: str) -> None:
+    shot = shoot(bare(two_rooms(portal)), camera(), level(1.5, 2.5, 0.0))
+    assert (shot.truth.openings, shot.truth.states) == ((), (state,))
+    # A pane is looked through to the far wall, 7.94 m away; a curtain hangs at the door.
+    reach = shot.depth[110, 145]
+    assert reach < 2.6 if state == "curtain" else reach > 6
+
+
+def test_a_mirror_behind_the_wall_does_not_blacken_the_one_before_it(shoot: Shoot) -> None:
+    near = Mirror(3.9, 2.5, 1.2, 90.0, 1.2, 1.2, 0)
+    far = Mirror(7.9, 2.5, 1.2, 90.0, 2.4, 2.2, 1)
+    alone, both = (
+        shoot(bare(two_rooms(), mirrors=mirrors), camera(), level(1.6, 2.5, 0.0)).rgb[120, 160]
+        for mirrors in ((near,), (near, far))
+    )
+    assert alone.min() > 40
+    assert both.tolist() == alone.tolist()
 
 
 def test_perfect_perception_decides_as_the_truth_says(shoot: Shoot) -> None:

@@ -118,6 +118,34 @@ def test_a_scene_is_the_same_each_time_and_shows_what_it_says(studio: Any) -> No
 
 
 @pytest.mark.sim
+@pytest.mark.parametrize(("scene", "ends"), [("stairs_down", {"no_door", "blocked"}),
+                                             ("person", {"blocked"})])  # fmt: skip
+def test_with_true_perception_it_goes_to_no_hazard(studio: Any, scene: str, ends: set[str]) -> None:
+    from doorway3ds.lab.sim.robot.world import stage_of
+    from doorway3ds.lab.sim.trials.trial import play
+
+    stage = stage_of(studio, scene, 3)
+    assert set(stage.ends) == ends
+    episode = play(studio, stage, "opening")
+    assert (episode.success, episode.goes) == (True, 0), episode
+
+
+@pytest.mark.parametrize(("outcome", "off", "went", "right"), [
+    ("aligned", 2.0, True, True), ("aligned", 8.0, True, False), ("blocked", None, False, True),
+    ("blocked", None, True, True), ("no_door", None, False, False),
+])  # fmt: skip
+def test_a_grazing_way_may_be_taken_or_left(
+    outcome: str, off: float | None, went: bool, right: bool
+) -> None:
+    from doorway3ds.lab.sim.trials.scenarios import Stage
+    from doorway3ds.lab.sim.trials.trial import _succeeded
+    from doorway3ds.robots.loop import Outcome
+
+    stage = Stage("grazing", 0, None, None)  # type: ignore[arg-type]
+    assert _succeeded(stage, Outcome(outcome), off, went) is right
+
+
+@pytest.mark.sim
 def test_a_robot_that_stands_still_sees_the_same_scene_with_other_noise(studio: Any) -> None:
     from doorway3ds.lab.sim.robot.world import World, stage_of
 

@@ -11,6 +11,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from doorway3ds.lab.sim.homes.stairs import Flight
+
 Rng = np.random.Generator
 
 # States that count as an open doorway (the definition is in docs/sim.md).
@@ -52,7 +54,8 @@ class Portal:
     axis: 0 if the wall is at x = `wall`, running along y; 1 if at y = `wall`, along x.
     at, width, sill, height: middle along the wall, free width, lower edge, upper edge (metres).
     rooms: index on the low side of the wall and on the high side; -1 is outdoors.
-    state: open, half, closed, no_leaf, archway, sliding_open, sliding_closed, window.
+    state: open, half, closed, no_leaf, archway, sliding_open, sliding_closed, window,
+        glass_closed, curtain.
     hinge: -1 / +1, the jamb the leaf hangs on; swing: the side of the wall it opens to.
     """
 
@@ -68,6 +71,7 @@ class Portal:
     swing: int = 1
     angle_deg: float = 0.0
     style: int = 0
+    sill_top_m: float = 0.004
 
     @property
     def is_open(self) -> bool:
@@ -98,6 +102,14 @@ class WallSpan:
 
 
 @dataclass(frozen=True)
+class Hazard:
+    """A kind of `hazards.KINDS`. at: portal that it is about, or room of a mirror or closet."""
+
+    kind: str
+    at: int
+
+
+@dataclass(frozen=True)
 class Home:
     seed: int
     rooms: tuple[Room, ...]
@@ -105,6 +117,8 @@ class Home:
     ceiling_m: float
     wall_m: float
     style: dict[str, float] = field(default_factory=dict)
+    flights: tuple[Flight, ...] = ()
+    hazards: tuple[Hazard, ...] = ()
 
     def room_at(self, x: float, y: float) -> Room | None:
         return next((r for r in self.rooms if r.holds(x, y)), None)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from doorway3ds.lab.sim.homes import clutter
+from doorway3ds.lab.sim.homes import clutter, furniture, oddments
 from doorway3ds.lab.sim.homes.apartment import Home, Portal, Room
 from doorway3ds.lab.sim.homes.furniture import Item
 from doorway3ds.lab.sim.homes.inventory import ROOMS
@@ -81,7 +81,7 @@ def overlap(a: Rect, b: Rect, gap: float = 0.0) -> bool:
 def doormat(portal: Portal, wall: float, side: int) -> Rect:
     """The floor before a doorway that furniture leaves free, on one side of its wall."""
     deep = 0.85
-    if portal.swing == side and portal.state in ("open", "half", "closed"):
+    if portal.swing == side and portal.state in ("open", "half", "closed", "glass_closed"):
         deep = portal.width + 0.12
     half = portal.width / 2 + 0.12
     near, far = sorted((0.0, side * (wall / 2 + deep)))
@@ -104,6 +104,7 @@ class _Room:
         ]
         self.holes = {s.side: s.holes for s in home.spans() if s.room == room.index}
         self.placed: list[Placed] = []
+        self.taken += [(f.rect, home.ceiling_m) for f in home.flights if f.room == room.index]
 
     def fits(self, rect: Rect, mats: bool = True) -> bool:
         x0, y0, x1, y1 = self.inner
@@ -217,6 +218,64 @@ def _block(space: _Room, rng: Rng, portal: Portal) -> None:
             return
 
 
+def _built_in(space: _Room) -> list[Mirror]:
+    """Closets, mirrored wardrobes and tall mirrors of a room's hazards; they come first."""
+    room = space.room
+    mirrors: list[Mirror] = []
+    for k, hazard in enumerate(space.home.hazards):
+        if hazard.at != room.index or hazard.kind not in ("mirror", "closet"):
+            continue
+        rng = np.random.default_rng([0xB17, space.home.seed, k])
+        own, space.rng = space.rng, rng
+        if hazard.kind == "closet":
+            space.against_wall(oddments.closet(rng), 40)
+        elif space.against_wall(furniture.wardrobe(rng), 40):
+            mirrors.append(_front(space.placed[-1], rng))
+        space.rng = own
+    return mirrors
+
+
+def _front(wardrobe: Placed, rng: Rng) -> Mirror:
+    """A mirror over a wardrobe's doors, or over one of them."""
+    w, d, h = wardrobe.item.size
+    whole = rng.random() < 0.6 or w < 1.2
+    width, aside = (w - 0.06, 0.0) if whole else (w / 2 - 0.04, float(rng.choice([-1, 1])) * w / 4)
+    yaw = np.radians(wardrobe.yaw_deg)
+    forward = d / 2 + 0.045  # before the handles
+    x = wardrobe.x + aside * np.cos(yaw) - forward * np.sin(yaw)
+    y = wardrobe.y + aside * np.sin(yaw) + forward * np.cos(yaw)
+    return Mirror(
+        float(x), float(y), h / 2 + 0.02, wardrobe.yaw_deg, width, h - 0.12, wardrobe.room
+    )
+
+
+def _in_doorways(home: Home, room: Room) -> list[Placed]:
+    """People, pets and small things on the sill of a doorway, or just before it."""
+    out = []
+    for k, hazard in enumerate(home.hazards):
+        if hazard.kind not in ("person", "pet", "clutter"):
+            continue
+        portal = home.portals[hazard.at]
+        if room.index != max(portal.rooms):
+            continue
+        rng = np.random.default_rng([0xD00, home.seed, k])
+        low, high = portal.free
+        middle = (low + high) / 2
+        if hazard.kind == "clutter":
+            for side in (-1, 1):
+                across = side * (home.wall_m / 2 + float(rng.uniform(0.3, 1.0)))
+                thing = (oddments.cable, oddments.toys)[int(rng.integers(2))](rng)
+                x, y = portal.point(middle + float(rng.normal(0, 0.12)), across)
+                out.append(Placed(thing, x, y, float(rng.uniform(0, 360)), room.index))
+            continue
+        somebody = clutter.person(rng) if hazard.kind == "person" else oddments.pet(rng)
+        spread = max((high - low) / 2 - 0.3, 0.02)
+        along = middle + float(rng.uniform(-spread, spread)) / 2
+        x, y = portal.point(along, float(rng.uniform(-0.05, 0.05)))
+        out.append(Placed(somebody, x, y, float(rng.uniform(0, 360)), room.index))
+    return out
+
+
 def furnish(home: Home) -> Furnished:
     """Everything in a home, from the home's seed."""
     rng = np.random.default_rng([0xF0, home.seed])
@@ -227,6 +286,7 @@ def furnish(home: Home) -> Furnished:
     full = rng.uniform(0.65, 1.35)
     for room in home.rooms:
         space = _Room(home, room, rng)
+        mirrors += _built_in(space)
         for maker, chance, wall in ROOMS.get(room.kind, ()):
             if rng.random() < chance * full:
                 item = maker(rng)
@@ -245,6 +305,7 @@ def furnish(home: Home) -> Furnished:
                 space.inside(item, 4, yaw=float(rng.uniform(0, 360)))
         if rng.random() < 0.13:
             space.inside(clutter.person(rng), 5, mats=False, yaw=float(rng.uniform(0, 360)))
+        space.placed += _in_doorways(home, room)
         more, glass = _decorate(space, rng, 3 - len(mirrors))
         hung += more
         mirrors += glass
@@ -260,6 +321,7 @@ def furnish(home: Home) -> Furnished:
         if (
             room.kind in ("living", "bedroom", "dining", "corridor", "office")
             and rng.random() < 0.5
+            and not any(f.room == room.index for f in home.flights)
         ):
             w = (room.x1 - room.x0) * rng.uniform(0.3, 0.6)
             d = (room.y1 - room.y0) * rng.uniform(0.3, 0.6)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.lab.sim.homes.furnish import Furnished
+from doorway3ds.lab.sim.homes.furnish import Furnished, footprint
 from doorway3ds.lab.sim.homes.mesh import Mesh
 from doorway3ds.lab.sim.homes.shell import frame_parts, leaf_of
 
@@ -37,11 +37,17 @@ class Plan:
 
     @cached_property
     def occupied(self) -> NDArray[np.uint8]:
-        """(rows, columns) of CELL_M: 1 where something stands between LOW_M and height_m."""
+        """(rows, columns) of CELL_M: 1 where something stands between LOW_M and height_m, or
+        where steps lead up or down."""
         grid = self._empty()
         for p in (*self.furnished.standing, *self.furnished.hung):
             placed = (mesh.moved((p.x, p.y, p.z), p.yaw_deg) for _, mesh in p.item.parts)
             self._draw(grid, placed)
+            if p.item.name == "closet":  # one stands before it, not in it
+                x0, y0, x1, y1 = footprint(p.item, p.x, p.y, p.yaw_deg)
+                self._fill(grid, _rectangle(x0, y0, x1, y1), 1)
+        for flight in self.furnished.home.flights:
+            self._fill(grid, _rectangle(*flight.rect), 1)
         for portal in self.furnished.home.portals:
             leaf = leaf_of(self.furnished.home, portal)
             if leaf is not None:

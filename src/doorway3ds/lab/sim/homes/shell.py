@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from doorway3ds.lab.sim.homes.apartment import Home, Portal, Room, WallSpan
 from doorway3ds.lab.sim.homes.furniture import Part
-from doorway3ds.lab.sim.homes.mesh import Mesh, box, extrude, rod, sheet, steps
+from doorway3ds.lab.sim.homes.mesh import Mesh, box, extrude, rod, rounded_box, sheet, steps
 
 LINING_M = 0.025
 LEAF_M = 0.04
@@ -83,7 +83,7 @@ class Leaf:
 
 def leaf_of(home: Home, portal: Portal) -> Leaf | None:
     """The hinged leaf of a portal, or None."""
-    if portal.state not in ("open", "half", "closed"):
+    if portal.state not in ("open", "half", "closed", "glass_closed"):
         return None
     angle = np.radians(portal.angle_deg)
     run = np.array([-portal.hinge * np.cos(angle), portal.swing * np.sin(angle)])
@@ -101,7 +101,7 @@ def leaf_of(home: Home, portal: Portal) -> Leaf | None:
 
 
 def leaf_parts(leaf: Leaf, style: int, paint: str) -> list[Part]:
-    """A leaf with panels or a glazed field, and handles on both sides."""
+    """A leaf with panels, a glazed field or all of glass, and handles on both sides."""
     yaw = float(np.degrees(np.arctan2(leaf.direction[1], leaf.direction[0])))
     w, h, t = leaf.length, leaf.height, LEAF_M
     parts: list[Part] = []
@@ -113,6 +113,10 @@ def leaf_parts(leaf: Leaf, style: int, paint: str) -> list[Part]:
             (paint, box((w, t, 0.7), (0, 0, 0.35))),
         ]
         parts.append((paint, box((w, t * 0.6, 0.03), (0, 0, 1.35))))
+    elif style == 6:
+        rail = 0.05
+        parts += [(paint, box((rail, t, h), (s * (w - rail) / 2, 0, h / 2))) for s in (-1, 1)]
+        parts += [(paint, box((w, t, rail), (0, 0, z))) for z in (rail / 2, h - rail / 2)]
     else:
         parts.append((paint, box((w, t, h), (0, 0, h / 2))))
         rows = {
@@ -141,10 +145,12 @@ def leaf_parts(leaf: Leaf, style: int, paint: str) -> list[Part]:
     return [(p, m.grain_up().moved((leaf.x, leaf.y, 0.004), yaw)) for p, m in parts]
 
 
-def glass_of_leaf(leaf: Leaf) -> tuple[tuple[float, float, float], float, tuple[float, float]]:
+def glass_of_leaf(
+    leaf: Leaf, style: int = 5
+) -> tuple[tuple[float, float, float], float, tuple[float, float]]:
     """(middle, yaw, (width, height)) of a glazed leaf's pane."""
     yaw = float(np.degrees(np.arctan2(leaf.direction[1], leaf.direction[0])))
-    low, high = 0.7, leaf.height - 0.12
+    low, high = (0.7, leaf.height - 0.12) if style == 5 else (0.04, leaf.height - 0.04)
     return (leaf.x, leaf.y, (low + high) / 2), yaw, (leaf.length - 0.22, high - low)
 
 
@@ -176,7 +182,10 @@ def frame_parts(home: Home, portal: Portal, trim: str, wall_paint: str) -> list[
     if portal.state == "archway" and portal.style < 2:
         parts += _arch(w, t, top, paint)
     if sill == 0:
-        parts.append(("wood0", box((w, t, 0.006), (0, 0, 0.001))))
+        top = portal.sill_top_m
+        parts.append(("wood0", box((w, t, top + 0.002), (0, 0, top / 2 - 0.001))))
+    if portal.state == "curtain":
+        parts += _folds(portal)
     if portal.state == "window":
         parts += _window_bars(portal, t, trim)
     if portal.state.startswith("sliding"):
@@ -196,6 +205,24 @@ def _arch(w: float, t: float, top: float, paint: str) -> list[Part]:
             outline = [(s * x, z) for x, z in quad]
             out.append((paint, extrude(outline if s > 0 else outline[::-1], -t / 2, t / 2)))
     return out
+
+
+def _folds(portal: Portal) -> list[Part]:
+    """A drawn curtain that fills the opening."""
+    count = max(4, round(portal.width / 0.11))
+    fold, drop = portal.width / count, portal.height - 0.05
+    return [
+        (
+            "curtain",
+            rounded_box(
+                (fold * 1.15, 0.06, drop),
+                0.025,
+                (-portal.width / 2 + (k + 0.5) * fold, 0.02 * (-1) ** k, 0.03 + drop / 2),
+                1,
+            ),
+        )
+        for k in range(count)
+    ]
 
 
 def _window_bars(portal: Portal, t: float, trim: str) -> list[Part]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Camera
 from doorway3ds.lab.sim.homes import apartment as homes
+from doorway3ds.lab.sim.homes import hazards
 from doorway3ds.lab.sim.homes.plan import Plan
 from doorway3ds.lab.sim.pictures import views
 from doorway3ds.lab.sim.pictures.truth import Truth, truth_of
@@ -26,6 +27,7 @@ from doorway3ds.lab.sim.render.scene import Scene, build
 
 VIEWS = 10  # pictures of one home
 OPEN_SHARE = 0.56
+HAZARD_SHARE = 0.75  # of the views of a home with hazards
 COLUMNS = (
     "image",
     "open",
@@ -76,20 +78,32 @@ def good(shot: Shot) -> bool:
 
 
 def shots(
-    scene: Scene, renderer: Renderer, count: int, size: tuple[int, int], seed: int
+    scene: Scene, renderer: Renderer, count: int, size: tuple[int, int], seed: int, low: float = 0.0
 ) -> Iterator[Shot]:
-    """`count` pictures of one home, about half with an open doorway."""
+    """`count` pictures of one home, about half with an open doorway.
+
+    Where the home has hazards, most views are of one. low: share of views from 0.3 to 0.6 m.
+    """
     rng = np.random.default_rng([0x54, seed, scene.home.seed])
+    # What defaults do not ask for draws from its own generator, so that they stay as they are.
+    extra = np.random.default_rng([0x55, seed, scene.home.seed])
     plan = Plan(scene.furnished)
+    marks = hazards.marks(scene.furnished)
+    marks = marks if scene.home.hazards or scene.home.flights else []
     for _ in range(count):
         shot = None
         want_open = bool(rng.random() < OPEN_SHARE)
+        is_low = bool(extra.random() < low)
+        at_hazard = bool(marks) and bool(extra.random() < HAZARD_SHARE)
         for _ in range(6):
             camera = views.random_camera(rng, *size)
-            eye = views.choose(rng, plan, camera, want_open)
+            eye = views.look_at(extra, plan, camera, marks) if at_hazard else None
+            eye = eye or views.choose(rng, plan, camera, want_open)
             if eye is None:
                 want_open = not want_open
                 continue
+            if is_low:
+                eye = replace(eye, pose=views.low_pose(extra))
             shot = take(renderer, plan, camera, eye, rng)
             if good(shot):
                 break
@@ -170,7 +184,10 @@ def largest(size: tuple[int, int]) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class Job:
-    """One home of a data set: pictures first .. first + count - 1."""
+    """One home of a data set: pictures first .. first + count - 1.
+
+    hazards, low: share of homes with hazards, and of views from 0.3 to 0.6 m.
+    """
 
     home: int
     first: int
@@ -178,6 +195,8 @@ class Job:
     size: tuple[int, int]
     seed: int
     out: Path
+    hazards: float = 0.0
+    low: float = 0.0
 
     @property
     def shard(self) -> Path:
@@ -197,12 +216,17 @@ def _start_worker() -> None:
 
 def render_home(job: Job) -> int:
     """Render one home's pictures; its shard is written last, so that a cut run is noticed."""
-    scene = build(homes.generate(job.home), texels_a_metre(job.size[0]), largest(job.size))
+    home = homes.generate(job.home)
+    dice = np.random.default_rng([0xA2, job.home])
+    if dice.random() < job.hazards:
+        home = hazards.with_hazards(home, dice)
+    scene = build(home, texels_a_metre(job.size[0]), largest(job.size))
     renderer = Renderer(scene, _context)
     rng = np.random.default_rng([0x19E6, job.home])
     lines, objects = [], []
     try:
-        for k, shot in enumerate(shots(scene, renderer, job.count, job.size, job.seed)):
+        taken = shots(scene, renderer, job.count, job.size, job.seed, job.low)
+        for k, shot in enumerate(taken):
             stem = f"{job.first + k:06d}"
             quality = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(75, 97))]
             cv2.imwrite(str(job.out / "images" / f"{stem}.jpg"), shot.rgb[..., ::-1], quality)
@@ -226,12 +250,26 @@ def render_dataset(
     size: tuple[int, int] = (320, 240),
     workers: int = 2,
     progress: Callable[[int], None] = lambda done: None,
+    hazards: float = 0.0,
+    low: float = 0.0,
 ) -> int:
-    """Render what is missing of `count` pictures into `out`; returns how many there are."""
+    """Render what is missing of `count` pictures into `out`; returns how many there are.
+
+    hazards, low: share of homes with hazards, and of views from 0.3 to 0.6 m.
+    """
     for folder in ("images", "depth", "floor", "homes"):
         (out / folder).mkdir(parents=True, exist_ok=True)
     jobs = [
-        Job(seed * 100_000 + i, i * VIEWS, min(VIEWS, count - i * VIEWS), size, seed, out)
+        Job(
+            seed * 100_000 + i,
+            i * VIEWS,
+            min(VIEWS, count - i * VIEWS),
+            size,
+            seed,
+            out,
+            hazards,
+            low,
+        )
         for i in range(-(-count // VIEWS))
     ]
     missing = [job for job in jobs if not job.shard.exists()]

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from doorway3ds.camera.model import Camera, grid_rays, pixel_to_ray, rotation
 from doorway3ds.lab.sim.homes.apartment import Portal
 from doorway3ds.lab.sim.homes.furnish import Furnished
+from doorway3ds.lab.sim.homes.hazards import beyond
 from doorway3ds.lab.sim.homes.plan import LOW_M, Plan
 from doorway3ds.lab.sim.homes.shell import Leaf, leaf_of
-from doorway3ds.lab.sim.homes.way import Way, way_to
+from doorway3ds.lab.sim.pictures.way import Way, way_to
 from doorway3ds.lab.sim.render.renderer import Eye
 
 Float = NDArray[np.float64]
@@ -20,6 +21,8 @@ FLOOR_M = 0.012  # rugs and thresholds are floor
 # Less than this is a glimpse that nobody would call a seen doorway.
 LEAST_WIDTH = 0.025  # of the picture's width
 LEAST_AREA = 0.004  # of the picture
+LEAST_STEPS = 0.008  # of the picture
+STANDING_STATES = ("wardrobe", "closet", "person", "pet")
 LEAST_OBSTACLE = 0.0005  # of the picture
 SEEN_ENOUGH = 0.25  # of what the picture shows of the opening, column by column
 
@@ -42,6 +45,7 @@ class OpeningTruth:
     jambs_deg: (left, right) bearings of the whole free opening from the lens.
     way: what lies between the turning axis and the sill, by the plan.
     clear: the same as far as the picture shows it; None for a grazing way too.
+    beyond: threshold, step or stairs at or close behind the sill; they do not block.
     seen: share of the opening within the picture that is not hidden.
     """
 
@@ -60,6 +64,7 @@ class OpeningTruth:
     way: Way
     clear: bool | None
     confidence: int
+    beyond: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -199,7 +204,7 @@ def _jambs(home_wall_m: float, portal: Portal, view: _View) -> tuple[float, floa
 
 
 def _opening(
-    furnished: Furnished, plan: Plan, view: _View, index: int, footprint: Footprint
+    furnished: Furnished, plan: Plan, view: _View, index: int, room: int, footprint: Footprint
 ) -> OpeningTruth | None:
     home, camera = furnished.home, view.camera
     portal = home.portals[index]
@@ -265,6 +270,7 @@ def _opening(
         way,
         _clear(way, view, target, portal, footprint),
         sure,
+        beyond(home, portal, room),
     )
 
 
@@ -308,16 +314,22 @@ def _clear(
 
 
 def _states(furnished: Furnished, view: _View, room: int) -> tuple[str, ...]:
-    """Closed doors, windows, mirrors and tall furniture of the room that stand in view."""
+    """Closed doors, windows, mirrors, stairs, people and tall furniture of the room in view."""
     half = (view.middle[-1] - view.middle[0]) / 2
     found: list[tuple[float, str]] = []
     targets = [(p.point(0.0), p.state) for p in furnished.home.portals_of(room)]
     targets += [((m.x, m.y), "mirror") for m in furnished.mirrors if m.room == room]
     targets += [
-        ((p.x, p.y), "wardrobe")
+        ((p.x, p.y), p.item.name)
         for p in furnished.standing
-        if p.room == room and p.item.name == "wardrobe"
+        if p.room == room and p.item.name in STANDING_STATES
     ]
+    z = view.points[..., 2]
+    for flight in furnished.home.flights:
+        # The shaft of steps down is seen below the floor, or not at all.
+        level = z < -LOW_M if flight.rise_m < 0 else (z > LOW_M) & (z < flight.end_m + FLOOR_M)
+        if flight.room == room and (flight.holds(view.points) & level).mean() > LEAST_STEPS:
+            targets.append((flight.start, flight.kind))
     for at, state in targets:
         if abs(view.azimuth_of(np.array(at))) < half * 0.95:
             distance = float(np.hypot(at[0] - view.lens[0], at[1] - view.lens[1]))
@@ -342,7 +354,7 @@ def truth_of(
     found = []
     for index, portal in enumerate(furnished.home.portals):
         if portal.is_open and room.index in portal.rooms:
-            opening = _opening(furnished, plan, view, index, footprint)
+            opening = _opening(furnished, plan, view, index, room.index, footprint)
             if opening is not None:
                 found.append(opening)
     width = camera.width

@@ -45,6 +45,15 @@ def random_pose(rng: Rng) -> Pose:
     )
 
 
+def low_pose(rng: Rng) -> Pose:
+    """A lens 0.3 to 0.6 m over the floor, as on a small robot."""
+    return Pose(
+        height_m=float(rng.uniform(0.3, 0.6)),
+        pitch_deg=float(np.clip(rng.normal(1, 8), -20, 20)),
+        roll_deg=float(np.clip(rng.normal(0, 1), -4, 4)),
+    )
+
+
 def standing_place(rng: Rng, plan: Plan, room: Room, tries: int = 12) -> tuple[float, float] | None:
     margin = plan.furnished.home.wall_m / 2 + 0.22
     for _ in range(tries):
@@ -118,6 +127,21 @@ def choose(rng: Rng, plan: Plan, camera: Camera, want_open: bool, tries: int = 6
         if _ahead(plan, room, x, y, heading) < rng.uniform(0.7, 1.4):
             continue
         return Eye(x, y, float(heading % 360), random_pose(rng))
+    return None
+
+
+def look_at(
+    rng: Rng, plan: Plan, camera: Camera, marks: list[tuple[int, tuple[float, float]]]
+) -> Eye | None:
+    """A stand in a mark's room that looks at it from 0.8 to 5 m."""
+    for _ in range(60):
+        index, at = marks[int(rng.integers(len(marks)))]
+        room = plan.furnished.home.rooms[index]
+        place = standing_place(rng, plan, room)
+        if place is None or not 0.8 < np.hypot(at[0] - place[0], at[1] - place[1]) < 5:
+            continue
+        heading = _bearing(*place, at) + rng.uniform(-0.7, 0.7) * camera.hfov_deg / 2
+        return Eye(*place, float(heading % 360), random_pose(rng))
     return None
 
 

@@ -119,7 +119,11 @@ class Renderer:
                 light.pos[:] = (x, y, home.ceiling_m - 0.12)
 
     def _wake_mirrors(self, camera: Camera, eye: Eye, axes: NDArray[np.float64]) -> None:
-        """A mirror draws the whole scene once more: only those in view may."""
+        """A mirror draws the whole scene once more: only those in view may.
+
+        One in the next room would be drawn through the wall, over what hangs on this side.
+        """
+        room = self.scene.home.room_at(float(eye.lens()[0]), float(eye.lens()[1]))
         for k, mirror in zip(self.scene.mirrors, self.scene.furnished.mirrors, strict=True):
             geom, reflectance = self._mirrors[k]
             yaw = np.radians(mirror.yaw_deg)
@@ -135,7 +139,8 @@ class Renderer:
             seen = (corners - eye.lens()) @ axes
             limit = max(camera.width / camera.fx, camera.height / camera.fy) * 0.6
             visible = (seen[:, 2] > 0) & (np.abs(seen[:, 0]) < limit * seen[:, 2] + 0.5)
-            geom.reflectance = reflectance if visible.any() else 0.0
+            same = room is not None and mirror.room == room.index
+            geom.reflectance = reflectance if same and visible.any() else 0.0
 
 
 def open_context(width: int = 1024, height: int = 768) -> Any:

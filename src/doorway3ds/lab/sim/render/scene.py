@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from doorway3ds.lab.sim.homes import furnish, shell
 from doorway3ds.lab.sim.homes.apartment import Home, Room
 from doorway3ds.lab.sim.homes.furnish import Furnished
-from doorway3ds.lab.sim.homes.mesh import Mesh, box, join, rod, sheet, steps
+from doorway3ds.lab.sim.homes.hazards import FLOORS, GLASS
+from doorway3ds.lab.sim.homes.mesh import Mesh, box, join, rod, sheet
+from doorway3ds.lab.sim.homes.stairs import flight_parts, pierced, ticks
 from doorway3ds.lab.sim.render import surfaces, textures
 
 Rng = np.random.Generator
@@ -119,16 +121,21 @@ def _room(
     t = home.wall_m / 2
     floor_tile, wall_tile = tiles
     x0, y0, x1, y1 = room.x0 + t, room.y0 + t, room.x1 - t, room.y1 - t
-    us, vs = steps(0, x1 - x0, 0.5), steps(0, y1 - y0, 0.5)
+    flights = [f for f in home.flights if f.room == i]
+    us = ticks(0, x1 - x0, 0.5, [v - x0 for f in flights for v in (f.x0, f.x1)])
+    vs = ticks(0, y1 - y0, 0.5, [v - y0 for f in flights for v in (f.y0, f.y1)])
     scale = np.array([x1 - x0, y1 - y0])
     eye = np.eye(3)
     for name, z, up in (("floor", 0.0, 1.0), ("ceiling", home.ceiling_m, -1.0)):
-        face = sheet(np.array([x0, y0, z]), eye[0], eye[1], us, vs, eye[2] * up)
+        whole = sheet(np.array([x0, y0, z]), eye[0], eye[1], us, vs, eye[2] * up)
+        face = pierced(whole, [f for f in flights if f.pierces == name])
         builder.add(
             i, f"room:{name}{i}", Mesh(face.vertices, face.normals, face.uv / scale, face.faces)
         )
     builder.texture(f"floor{i}", surfaces.floor_picture(furnished, room, floor_tile, ppm))
     shine = rng.uniform(0, 0.45) if rng.random() < 0.7 else 0.0
+    if home.style.get("floor") == FLOORS.index("shiny"):
+        shine = 1.0
     builder.material(f"room:floor{i}", f"floor{i}", f'specular="{shine:.2f}" shininess="0.5"')
     white = np.array([0.96, 0.955, 0.94], np.float32) * rng.uniform(0.9, 1.0)
     builder.texture(f"ceiling{i}", surfaces.ceiling_picture(furnished, room, white, ppm / 3))
@@ -152,7 +159,11 @@ def _room(
     builder.texture(f"walls{i}", np.concatenate(faces, axis=1))
     builder.material(f"room:walls{i}", f"walls{i}", 'specular="0"')
     r, g, b = wall_tile.mean((0, 1)) * 0.93
-    return f"#{int(r * 255):02x}{int(g * 255):02x}{int(b * 255):02x}"
+    colour = f"#{int(r * 255):02x}{int(g * 255):02x}{int(b * 255):02x}"
+    for flight in flights:
+        for paint, part in flight_parts(flight, home.ceiling_m, colour):
+            builder.add(i, paint, part)
+    return colour
 
 
 def _glass(x: float, y: float, z: float, yaw: float, w: float, h: float, tint: str) -> str:
@@ -181,19 +192,23 @@ def _openings(
         leaf = shell.leaf_of(home, portal)
         if leaf is not None:
             kind = style if rng.random() < 0.8 else portal.style
+            kind = GLASS if portal.style == GLASS else kind
             for paint, mesh in shell.leaf_parts(leaf, kind, leaf_paint):
                 builder.add(room, paint, mesh)
             if kind == 5:
                 (x, y, z), yaw, (w, h) = shell.glass_of_leaf(leaf)
                 frosted = "0.85 0.9 0.9 0.75" if rng.random() < 0.6 else "0.8 0.9 0.9 0.2"
                 builder.geoms.append(_glass(x, y, z, yaw, w, h, frosted))
+            if kind == GLASS:
+                (x, y, z), yaw, (w, h) = shell.glass_of_leaf(leaf, GLASS)
+                builder.geoms.append(_glass(x, y, z, yaw, w, h, "0.75 0.85 0.85 0.14"))
         for along, width, low, high in shell.panes(portal):
             x, y = portal.point(along)
             yaw = 90.0 if portal.axis == 0 else 0.0
             builder.geoms.append(
                 _glass(x, y, (low + high) / 2, yaw, width, high - low, "0.75 0.85 0.85 0.12")
             )
-        if portal.state.startswith("sliding"):
+        if portal.state.startswith("sliding") and outer:
             for paint, mesh in shell.balcony(home, portal):
                 builder.add(-1, paint, mesh)
 
@@ -268,6 +283,10 @@ def build(
     _paints(builder, rng)
     trim = "#f1efe9" if home.style["trim"] < 0.75 else f"wood{rng.integers(3)}"
     common_floor = textures.FLOORS[rng.integers(len(textures.FLOORS))](_own(rng), ppm)
+    if "floor" in home.style:
+        common_floor = textures.hazard_floor(
+            np.random.default_rng([0xF1, home.seed]), ppm, FLOORS[int(home.style["floor"])]
+        )
     common_wall = textures.plaster(_own(rng), ppm)
     walls = []
     for room in home.rooms:
@@ -275,7 +294,7 @@ def build(
         floor = common_floor
         if wet and rng.random() < 0.7:
             floor = textures.tiles(_own(rng), ppm)
-        elif rng.random() < 0.3:
+        elif rng.random() < 0.3 and "floor" not in home.style:
             floor = textures.FLOORS[rng.integers(len(textures.FLOORS))](_own(rng), ppm)
         wall = common_wall
         if room.kind == "bath" and rng.random() < 0.6:

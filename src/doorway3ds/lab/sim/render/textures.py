@@ -355,6 +355,19 @@ def outside(rng: Rng, height: int, width: int) -> Picture:
     return np.asarray(np.clip(out, 0, 1), np.float32)
 
 
+def hazard_floor(rng: Rng, ppm: float, kind: str) -> Picture:
+    """Floors that networks take for holes, steps or doorways: dark, shiny or patterned."""
+    if kind != "patterned":
+        plain = FLOORS[int(rng.integers(len(FLOORS)))](rng, ppm)
+        return np.asarray(plain * (0.16 if kind == "dark" else 0.8), np.float32)
+    size = int(2 * ppm) // 8 * 8
+    y, x = np.mgrid[0:size, 0:size] // (size // int(rng.choice([2, 4, 8])))
+    bright = (x % 2 == 0) if rng.random() < 0.5 else ((x + y) % 2 == 0)
+    light = hsv(rng.uniform(0, 1), rng.uniform(0, 0.3), rng.uniform(0.75, 0.95))
+    dark = hsv(rng.uniform(0, 1), rng.uniform(0, 0.6), rng.uniform(0.08, 0.35))
+    return np.where(bright[..., None], light, dark).astype(np.float32)
+
+
 FLOORS: tuple[Callable[[Rng, float], Picture], ...] = (
     planks,
     planks,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +20,10 @@ from doorway3ds.lab.sim.homes import furnish
 from doorway3ds.lab.sim.homes.apartment import Home, Portal, Room
 from doorway3ds.lab.sim.homes.furnish import Furnished, Placed
 from doorway3ds.lab.sim.homes.plan import Plan
-from doorway3ds.lab.sim.homes.way import SPARE_M, Way, way_to
 from doorway3ds.lab.sim.pictures.truth import Footprint, OpeningTruth, Truth
+from doorway3ds.lab.sim.pictures.way import SPARE_M, Way, way_to
 from doorway3ds.lab.sim.render.renderer import Eye
+from doorway3ds.lab.sim.trials import dangers
 
 Rng = np.random.Generator
 Point = NDArray[np.float64]
@@ -41,6 +43,7 @@ SCENES = {
     "dark": "a doorway with the lights off",
     "tilted": "a doorway with the head raised or lowered and turned",
     "grazing": "an open doorway with something at the edge of the way",
+    **dangers.SCENES,
 }
 ENDS = {
     "no_door": ("no_door",),
@@ -48,6 +51,11 @@ ENDS = {
     "blocked": ("blocked",),
     "low_box": ("blocked",),
     "grazing": ("aligned", "blocked"),
+    "stairs_down": ("no_door", "blocked"),
+    "stairs_up": ("no_door", "blocked"),
+    "glass": ("no_door",),
+    "mirror": ("no_door",),
+    "person": ("blocked",),
 }
 """How a run may end; the others end aligned with the doorway."""
 ALIGNED = ("aligned",)
@@ -97,6 +105,9 @@ def find(scene: str, seed: int, camera: Camera, pose_of: Callable[[float, float]
 
 def _candidates(scene: str, rng: Rng, camera: Camera, pose: Pose
                 ) -> Iterator[tuple[Home, Eye]]:  # fmt: skip
+    if scene in dangers.SCENES:
+        yield from islice(dangers.candidates(scene, rng, camera, pose), TRIES)
+        return
     half = camera.hfov_deg / 2
     for _ in range(TRIES):
         home = homes.generate(int(rng.integers(1 << 30)))
@@ -242,13 +253,15 @@ def _another(home: Home, room: Room, portal: Portal, at: Point, heading: float, 
 def _is(scene: str, truth: Truth) -> bool:
     """Whether one exact picture shows the scene."""
     seen = truth.openings
+    if scene in dangers.STATES:
+        return dangers.shows(scene, truth)
     if scene == "no_door":
         return not seen and not truth.glimpse
     if scene == "distractor":
         return not seen and not truth.glimpse and bool({"mirror", "window"} & set(truth.states))
     if not seen:
         return False
-    if scene in ("blocked", "low_box"):
+    if scene in ("blocked", "low_box", "person"):
         return len(seen) == 1 and _plain(seen[0]) and seen[0].clear is False
     if scene == "two_doors":
         return len(seen) >= 2 and all(_plain(o) and o.clear is True for o in seen[:2])

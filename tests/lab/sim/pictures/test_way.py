@@ -9,7 +9,7 @@ from doorway3ds.lab.sim.homes.furnish import Placed
 from doorway3ds.lab.sim.homes.furniture import Item
 from doorway3ds.lab.sim.homes.mesh import box
 from doorway3ds.lab.sim.homes.plan import Plan
-from doorway3ds.lab.sim.homes.way import Way, way_to
+from doorway3ds.lab.sim.pictures.way import Way, way_to
 from tests.lab.sim.conftest import bare, doorway, two_rooms
 
 WIDTH_M = 0.28
