@@ -345,23 +345,3 @@ def test_differences_name_what_changed_and_pass_over_times() -> None:
     a: dict[str, Any] = {"reason": "turn", "turn_deg": 5.0, "pixel": [1, 2], "timings_ms": {"n": 1}}
     assert differences(a, json.loads(json.dumps({**a, "timings_ms": {"n": 9}}))) == []
     assert differences(a, {**a, "turn_deg": 5.1, "pixel": [1, 3]}) == ["pixel", "turn_deg"]
-
-
-def test_between_two_equal_doorways_it_stays_with_the_one_it_turned_to() -> None:
-    from doorway3ds.decide.follow import follow
-    from doorway3ds.decide.gates import decide
-    from doorway3ds.decide.opening import columns_from_spans, select_opening
-
-    camera = Camera.from_fov(320, 240, 60.0)
-    frame = Frame(np.zeros((240, 320, 3), np.uint8), camera)
-    # The right one is wider, so it is chosen; the left one is where the doorway should be.
-    votes = columns_from_spans([(60.0, 120.0), (180.0, 290.0)], 320)
-    perception = Perception(1.0, votes)
-    chosen = decide(perception, select_opening(perception, frame), frame, "opening")
-    left = next(o for o in chosen.selection.openings if o.bearing_deg > 0)
-    assert chosen.turn_deg is not None
-    assert chosen.turn_deg < 0
-    followed = follow(chosen, left.bearing_deg + 3.0)
-    assert followed.turn_deg == pytest.approx(left.bearing_deg)
-    assert follow(chosen, None) is chosen
-    assert follow(chosen, left.bearing_deg + 40.0) is chosen

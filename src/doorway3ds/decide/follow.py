@@ -8,7 +8,7 @@ import numpy as np
 
 from doorway3ds.decide.gates import Gates, decide
 from doorway3ds.decide.opening import OpeningParams, select_opening
-from doorway3ds.types import ColumnVotes, Decision
+from doorway3ds.types import Decision
 
 SAME_DEG = 12.0
 """An opening this near to where the doorway should be is the doorway."""
@@ -36,10 +36,8 @@ def follow(
         return decision
     middle = (np.asarray(votes.left_px) + np.asarray(votes.right_px)) / 2
     inside = (middle >= near.left_px) & (middle <= near.right_px)
-    alone = replace(
-        decision.perception,
-        columns=ColumnVotes(np.where(inside, votes.score, 0.0), votes.left_px, votes.right_px),
-    )
+    columns = replace(votes, score=np.where(inside, votes.score, 0.0))
+    alone = replace(decision.perception, columns=columns)
     selection = select_opening(alone, decision.frame, params)
     if not selection.openings:
         return decision

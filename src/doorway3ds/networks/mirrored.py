@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,12 +35,12 @@ class Mirrored:
             stage: plain.timings_ms.get(stage, 0.0) + other.timings_ms.get(stage, 0.0)
             for stage in plain.timings_ms.keys() | other.timings_ms.keys()
         }
-        return Perception(
+        return replace(
+            plain,
             p_open=float(_mean_probability(plain.p_open, other.p_open)),
             columns=_mean_columns(plain.columns, other.columns),
             depth_m=_mean_depth(plain.depth_m, other.depth_m),
             floor=_mean_floor(plain.floor, other.floor),
-            depth_error=plain.depth_error,
             relative=_mean_relative(plain.relative, other.relative),
             network=self.name,
             timings_ms=timings,
@@ -49,23 +51,21 @@ def _turned_back(seen: Perception, width: int) -> Perception:
     """What was seen in a mirror image of `width` columns, in the picture's own columns."""
     columns, relative = seen.columns, seen.relative
     if columns is not None:
-        columns = ColumnVotes(
+        columns = replace(
+            columns,
             score=columns.score[::-1],
             left_px=width - 1 - columns.right_px[::-1],
             right_px=width - 1 - columns.left_px[::-1],
             clear=None if columns.clear is None else columns.clear[::-1],
         )
     if relative is not None:
-        relative = RelativeDepth(relative.inverse[:, ::-1], relative.shifted)
-    return Perception(
-        p_open=seen.p_open,
+        relative = replace(relative, inverse=relative.inverse[:, ::-1])
+    return replace(
+        seen,
         columns=columns,
         depth_m=None if seen.depth_m is None else seen.depth_m[:, ::-1],
         floor=None if seen.floor is None else seen.floor[:, ::-1],
-        depth_error=seen.depth_error,
         relative=relative,
-        network=seen.network,
-        timings_ms=seen.timings_ms,
     )
 
 
@@ -85,7 +85,8 @@ def _mean_columns(a: ColumnVotes | None, b: ColumnVotes | None) -> ColumnVotes |
         clear = _mean_probability(a.clear, b.clear)
     # a strip's edges are those of the look that believes in it more
     share = a.score / np.maximum(a.score + b.score, _SURE)
-    return ColumnVotes(
+    return replace(
+        a,
         score=_mean_probability(a.score, b.score),
         left_px=share * a.left_px + (1 - share) * b.left_px,
         right_px=share * a.right_px + (1 - share) * b.right_px,
@@ -120,4 +121,4 @@ def _mean_relative(a: RelativeDepth | None, b: RelativeDepth | None) -> Relative
     known = np.isfinite(a.inverse) & np.isfinite(b.inverse) & (b.inverse > 0)
     gain = float(np.median(a.inverse[known] / b.inverse[known])) if known.any() else 1.0
     other = np.asarray(b.inverse * gain, np.float32)
-    return RelativeDepth(_either((a.inverse + other) / 2, a.inverse, other), shifted=False)
+    return replace(a, inverse=_either((a.inverse + other) / 2, a.inverse, other))

@@ -15,10 +15,10 @@ import io
 import json
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.errors import UserError
 from doorway3ds.files import write_bytes
 from doorway3ds.images.codec import read_image, write_image
-from doorway3ds.types import ColumnVotes, Decision, Frame, Perception, Selection
+from doorway3ds.types import ColumnVotes, Decision, Frame, Perception, RelativeDepth, Selection
 
 LOG = "run.jsonl"
 
@@ -205,18 +205,15 @@ def _same(a: Any, b: Any, tolerance: float) -> bool:
 
 
 def _packed(perception: Perception) -> bytes:
-    arrays: dict[str, Any] = {
-        "p_open": perception.p_open,
-        "depth_error": perception.depth_error,
-        "network": perception.network,
+    """Every array and number of a perception and its parts, by the names of their fields."""
+    parts = (perception, perception.columns, perception.relative)
+    arrays = {
+        field.name: value
+        for part in parts
+        if part is not None
+        for field in fields(part)
+        if isinstance(value := getattr(part, field.name), np.ndarray | float | int | str)
     }
-    if perception.columns is not None:
-        votes = perception.columns
-        arrays |= {"score": votes.score, "left_px": votes.left_px, "right_px": votes.right_px}
-    if perception.depth_m is not None:
-        arrays["depth_m"] = perception.depth_m
-    if perception.floor is not None:
-        arrays["floor"] = perception.floor
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)
     return buffer.getvalue()
@@ -225,17 +222,24 @@ def _packed(perception: Perception) -> bytes:
 def _unpacked(path: Path) -> Perception:
     try:
         with np.load(path, allow_pickle=False) as kept:
-            arrays = {name: kept[name] for name in kept.files}
+            # scalars come back as arrays without dimensions
+            arrays = {
+                name: kept[name] if kept[name].ndim else kept[name][()].item()
+                for name in kept.files
+            }
     except (OSError, ValueError) as error:
         raise UserError(f"cannot read {path}: {error}") from error
-    columns = None
+    seen = _of(Perception, arrays)
     if "score" in arrays:
-        columns = ColumnVotes(arrays["score"], arrays["left_px"], arrays["right_px"])
-    return Perception(
-        p_open=float(arrays["p_open"]),
-        columns=columns,
-        depth_m=arrays.get("depth_m"),
-        floor=arrays.get("floor"),
-        depth_error=float(arrays["depth_error"]),
-        network=str(arrays["network"]),
-    )
+        seen = replace(seen, columns=_of(ColumnVotes, arrays))
+    if "inverse" in arrays:
+        seen = replace(seen, relative=_of(RelativeDepth, arrays))
+    return seen
+
+
+_Part = TypeVar("_Part", Perception, ColumnVotes, RelativeDepth)
+
+
+def _of(kind: type[_Part], arrays: dict[str, Any]) -> _Part:
+    names = {field.name for field in fields(kind)}
+    return kind(**{name: value for name, value in arrays.items() if name in names})

@@ -340,7 +340,9 @@ def predicted_depth(
     yield False, plain
     if mirror:
         image = np.ascontiguousarray(frame.image[:, ::-1])
-        flipped = Frame(image, frame.camera.mirrored(), frame.pose.mirrored())
+        flipped = replace(
+            frame, image=image, camera=frame.camera.mirrored(), pose=frame.pose.mirrored()
+        )
         yield True, depth_scores.average_with_mirrored(plain, depth_of(flipped))
 
 
