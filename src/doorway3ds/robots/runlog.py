@@ -207,7 +207,7 @@ def _same(a: Any, b: Any, tolerance: float) -> bool:
 def _packed(perception: Perception) -> bytes:
     """Every array and number of a perception and its parts, by the names of their fields."""
     parts = (perception, perception.columns, perception.relative)
-    arrays = {
+    arrays: dict[str, Any] = {
         field.name: value
         for part in parts
         if part is not None
