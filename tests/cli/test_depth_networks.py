@@ -124,7 +124,7 @@ def test_the_server_offers_what_is_there_and_can_be_used(cli: Cli) -> None:
     made = factories.depth_file(Path("da.onnx"), offset=2.0)
     for name in (METRIC, RELATIVE):
         install(name, made, source="da.onnx")
-    pipelines = choice.Pipelines(Settings(network="doornet"))
+    pipelines = choice.Pipelines(Settings())
     assert list(pipelines.networks) == ["doornet", f"doornet+{METRIC}", f"doornet+{RELATIVE}"]
     for name in pipelines.networks:
         assert pipelines.methods(name) == ["opening", "paper"]

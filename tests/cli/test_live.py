@@ -20,7 +20,8 @@ from doorway3ds.cli.shared.panel import Panel
 from doorway3ds.errors import UserError
 from doorway3ds.images.film import Film
 from doorway3ds.robots.runlog import looks, read_log
-from doorway3ds.sources import LiveSource, open_source
+from doorway3ds.sources import open_source
+from doorway3ds.sources.live import LiveSource
 from tests.conftest import Cli
 from tests.factories import encode, film, number, scene
 from tests.live.test_tracker import look, opening, settled
@@ -124,7 +125,7 @@ def test_standard_input(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
     ("arguments", "expected"),
     [
         (["film.avi", "--out", "seen.gif"], "must end in .mp4, .mkv, .avi, .webm"),
-        (["film.avi", "--method", "guess"], "--method must be opening or paper"),
+        (["film.avi", "--method", "guess"], "'guess' is not one of 'opening', 'paper'"),
         (["film.avi", "--fps", "0"], "--fps must be a number"),
         (["ftp://host"], "no source is called ftp://"),
         (["webcam://one"], "expected webcam://0"),

@@ -37,7 +37,7 @@ def test_a_missing_extra_is_an_install_hint(cli: Cli, monkeypatch: pytest.Monkey
     def broken(*_: object, **__: object) -> None:
         raise ModuleNotFoundError("No module named 'torch'", name="torch")
 
-    monkeypatch.setattr("doorway3ds.networks.load", broken)
+    monkeypatch.setattr("doorway3ds.decide.pipeline.load", broken)
     ran = cli("look", "photo.jpg", "--network", "net.onnx")
     assert ran.status == 1
     assert ran.err == (
@@ -49,7 +49,7 @@ def test_a_missing_module_of_our_own_is_a_bug(monkeypatch: pytest.MonkeyPatch, c
     def broken(*_: object, **__: object) -> None:
         raise ModuleNotFoundError("No module named 'doorway3ds.x'", name="doorway3ds.x")
 
-    monkeypatch.setattr("doorway3ds.networks.load", broken)
+    monkeypatch.setattr("doorway3ds.decide.pipeline.load", broken)
     with pytest.raises(ModuleNotFoundError):
         cli("look", "photo.jpg", "--network", "net.onnx")
 

@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+from doorway3ds.camera.info import write_camera_info
+from doorway3ds.camera.model import Camera
 from doorway3ds.lab.sim.robot.nao import Faults
 from doorway3ds.robots.runlog import read_log
 
@@ -67,6 +69,18 @@ def test_a_virtual_nao_is_turned_and_the_run_replayed(cli: Any, virtual: Any) ->
     assert len(nao.said) == 1
     assert nao.body.awake
     assert cli("replay", "a").status == 0
+
+
+@pytest.mark.nao
+def test_a_camera_file_keeps_the_pose_that_the_robot_measured(cli: Any, virtual: Any) -> None:
+    _, where = virtual()
+    write_camera_info(Camera.from_fov(320, 240, 70.0, name="front"), "front.yaml")
+    cli("run", f"nao://{where}?resolution=qvga&fps=20", "--network", "net.onnx", "--log", "a",
+        "--camera", "front.yaml")  # fmt: skip
+    look = read_log(Path("a"))[1]
+    assert look["camera"]["name"] == "front"
+    assert look["pose"]["height_m"] > 0.4
+    assert look["pose"]["forward_m"] != 0
 
 
 @pytest.mark.nao

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Pose
 from doorway3ds.errors import UserError
-from doorway3ds.sources import LiveSource, Shot, SourceLost, View, open_source
+from doorway3ds.sources import Shot, SourceLost, View, open_source
 from doorway3ds.sources import live as live_module
 from doorway3ds.sources.capture import OpenCvCapture
+from doorway3ds.sources.live import LiveSource
 from tests.factories import number
 from tests.sources.servers import MjpegServer
 

@@ -27,6 +27,7 @@ collect_ignore_glob = [] if all(find_spec(name) for name in _NEEDED) else ["test
 if not collect_ignore_glob:
     import httpx
 
+    from doorway3ds.decide.options import DecideOptions
     from doorway3ds.sources.base import Source
     from doorway3ds.web.base.run import listen, make_server
     from doorway3ds.web.base.settings import Limits
@@ -74,7 +75,9 @@ def serve(network: Path) -> Iterator[Serve]:
             **settings: object,
         ) -> Served:
             made = replace(
-                Settings(network=str(network), limits=replace(Limits(), **(limits or {}))),
+                Settings(
+                    decide=DecideOptions(str(network)), limits=replace(Limits(), **(limits or {}))
+                ),
                 **settings,
             )
             return stack.enter_context(running(made, source, certificate))
@@ -85,7 +88,7 @@ def serve(network: Path) -> Iterator[Serve]:
 @pytest.fixture(scope="session")
 def shared(network: Path) -> Iterator[Served]:
     """One server with the default settings for the tests that leave it as it was."""
-    with running(Settings(network=str(network))) as served:
+    with running(Settings(decide=DecideOptions(str(network)))) as served:
         yield served
 
 

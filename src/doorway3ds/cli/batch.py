@@ -3,30 +3,21 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from doorway3ds.camera.options import CameraOptions
 from doorway3ds.cli.shared.bar import RateBar
-from doorway3ds.cli.shared.camera import CameraOptions
-from doorway3ds.cli.shared.options import (
-    Camera,
-    FovDeg,
-    HeightM,
-    MaxUnseenM,
-    Method,
-    Mirror,
-    Network,
-    PitchDeg,
-    RollDeg,
-    WidthM,
-)
-from doorway3ds.cli.shared.pipeline import build_pipeline
+from doorway3ds.cli.shared.expand import expand
+from doorway3ds.decide.options import DecideOptions
 from doorway3ds.errors import CallError, UserError
 
 
+@expand
 def batch(
     sources: Annotated[
         list[str],
@@ -37,16 +28,8 @@ def batch(
         ),
     ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the Parquet data set.")],
-    method: Method = "opening",
-    network: Network = "doornet",
-    camera: Camera = None,
-    fov_deg: FovDeg = None,
-    height_m: HeightM = None,
-    pitch_deg: PitchDeg = None,
-    roll_deg: RollDeg = None,
-    width_m: WidthM = None,
-    max_unseen_m: MaxUnseenM = None,
-    mirror: Mirror = False,
+    camera: CameraOptions,
+    decide: DecideOptions,
     workers: Annotated[
         int | None, typer.Option(min=1, help="Processes; default: one for each core.")
     ] = None,
@@ -73,6 +56,8 @@ def batch(
 
     Exit status: 0 every image was answered, 1 some were not, 2 wrong call.
     """
+    from doorway3ds.camera.choice import choose_camera
+    from doorway3ds.decide.pipeline import build_pipeline
     from doorway3ds.images.codec import SUFFIXES
     from doorway3ds.lab.batch.items import count_items
     from doorway3ds.lab.batch.rows import counts
@@ -81,23 +66,16 @@ def batch(
     from doorway3ds.networks.session import available_threads
     from doorway3ds.sources.base import View
 
-    options = CameraOptions(camera, fov_deg, height_m, pitch_deg, roll_deg)
-    choice = options.resolve()
-    make = partial(build_pipeline, method, network, width_m, max_unseen_m, 1, mirror)
+    choice = choose_camera(camera)
+    make = partial(build_pipeline, replace(decide, threads=decide.threads or 1))
     settings = {
-        "network": _digests(network),
-        "method": method,
-        "camera": _camera(camera),
-        "fov_deg": fov_deg,
-        "pose": [height_m, pitch_deg, roll_deg],
-        "width_m": width_m,
-        "max_unseen_m": max_unseen_m,
-        "mirror": mirror,
+        **asdict(replace(decide, threads=None)),
+        **asdict(camera),
+        "network": _digests(decide.network),
+        "camera": _camera(camera.camera),
     }
     make()  # a wrong network or option is said once, here, and not by every worker
-    given = any(value is not None for value in (camera, fov_deg))
-    posed = any(value is not None for value in (camera, height_m, pitch_deg, roll_deg))
-    view = View(choice.fit if given else None, choice.pose if posed else None)
+    view = View(choice.fit if choice.given else None, choice.pose_of)
     job = Job(make, view, annotate, depth_dir)
     with RateBar(lambda: count_items(sources)) as bar:
         outcome = run_batch(
@@ -126,7 +104,9 @@ def batch(
     if report:
         from doorway3ds.lab.batch.report import write_batch_report
 
-        path = write_batch_report(out, sources, {"sources": " ".join(sources), "network": network})
+        path = write_batch_report(
+            out, sources, {"sources": " ".join(sources), "network": decide.network}
+        )
         sys.stderr.write(f"report in {path}\n")
     if any(count.errors for count in by_folder.values()):
         raise typer.Exit(1)

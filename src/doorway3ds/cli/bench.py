@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
-from doorway3ds.cli.shared.camera import require_range
 from doorway3ds.errors import CallError
+from doorway3ds.options import require_range
 
 RESULTS = Path("benchmarks/results")
 PAPER = ("cnn-srin", "densedepth")
@@ -44,6 +44,8 @@ def bench(
     """Measure latency by stage, cold start and peak memory; two networks also as a ratio.
 
     The networks take turns, picture by picture, so that what else the machine does meets both.
+
+    Example: 3ds bench --repeat 50
     """
     networks = network or ["doornet"]
     if len(networks) > (1 if against_paper else 2):

@@ -40,6 +40,8 @@ def calibrate(
 
     Ten to twenty sharp pictures of a flat board, tilted, at several distances, also near the
     picture's corners. `3ds look --camera camera.yaml` then uses the file.
+
+    Example: 3ds calibrate board/*.jpg --board 9x6 --out camera.yaml
     """
     from doorway3ds.camera.calibration import Board
     from doorway3ds.camera.calibration import calibrate as run

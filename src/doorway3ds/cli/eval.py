@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from doorway3ds.cli.shared.camera import CameraOptions
+from doorway3ds.camera.options import LensOptions
 from doorway3ds.cli.shared.options import Mirror
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.tables import print_tables
@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from doorway3ds.networks.base import Network
 
 app = typer.Typer(
-    help="Measure methods and networks on marked pictures, with confidence intervals.",
+    help="Measure methods and networks on marked images, with confidence intervals.\n\n"
+    "Example: 3ds eval direction rooms --method opening,paper",
     no_args_is_help=True,
 )
 
@@ -123,7 +124,7 @@ def direction(
     from doorway3ds.lab.evaluate.report import pages
     from doorway3ds.networks.mirrored import Mirrored
 
-    dataset = _dataset(data, layout, places, CameraOptions(camera, fov_deg), min_confidence)
+    dataset = _dataset(data, layout, places, LensOptions(camera, fov_deg), min_confidence)
     runs = runners.DirectionRuns()
     if answers:
         if network or mirror or truth_depth or no_gate or folds:
@@ -183,7 +184,7 @@ def classifier(
     from doorway3ds.lab.evaluate.report import pages
     from doorway3ds.networks.mirrored import Mirrored
 
-    dataset = _dataset(data, layout, places, CameraOptions(camera, fov_deg), min_confidence)
+    dataset = _dataset(data, layout, places, LensOptions(camera, fov_deg), min_confidence)
     records: dict[str, list[scores.ClassifierRecord]] = {}
     left_out: dict[str, str] = {}
     for part, k in _parts(dataset, split, folds, images):
@@ -229,7 +230,7 @@ def depth(
     from doorway3ds.lab.evaluate import runners
     from doorway3ds.lab.evaluate.report import pages
 
-    dataset = _dataset(data, layout, places, CameraOptions(camera, fov_deg), 1)
+    dataset = _dataset(data, layout, places, LensOptions(camera, fov_deg), 1)
     records: dict[runners.Protocol, list[scores.DepthRecord]] = {}
     left_out: dict[str, str] = {}
     networks_of: dict[tuple[str, str], Network] = {}
@@ -250,16 +251,17 @@ def depth(
 
 
 def _dataset(
-    data: Path, layout: str | None, places: Path | None, options: CameraOptions, confidence: int
+    data: Path, layout: str | None, places: Path | None, options: LensOptions, confidence: int
 ) -> Dataset:
+    from doorway3ds.camera.choice import choose_camera
     from doorway3ds.lab.datasets import readers
     from doorway3ds.lab.datasets import samples as datasets
 
     of_image = None if places is None else readers.read_places(places)
     dataset = datasets.at_least(readers.read_dataset(data, layout, of_image), confidence)
-    if options == CameraOptions():
+    if options == LensOptions():
         return dataset
-    choice = options.resolve()
+    choice = choose_camera(options)
     return datasets.with_camera(dataset, choice.fit, choice.pose)
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from doorway3ds.cli.shared.camera import CameraOptions
+from doorway3ds.camera.options import LensOptions
+from doorway3ds.cli.shared.expand import expand
 from doorway3ds.cli.shared.listening import (
     Host,
     ListenOptions,
@@ -17,17 +19,20 @@ from doorway3ds.cli.shared.listening import (
     TlsName,
     Token,
 )
-from doorway3ds.cli.shared.options import Camera, FovDeg, Network, Threads
+from doorway3ds.decide.options import DecideOptions, NetworkOptions
 
 if TYPE_CHECKING:
     from doorway3ds.camera.choice import FitCamera
     from doorway3ds.web.label.pictures import Guesser
 
 
+@expand
 def label(
     folder: Annotated[
         Path, typer.Argument(help="Pictures of any size and camera; folders in it are places.")
     ],
+    network: NetworkOptions,
+    camera: LensOptions,
     classes: Annotated[
         Path | None,
         typer.Option(
@@ -46,28 +51,25 @@ def label(
     tls_cert: TlsCert = None,
     tls_key: TlsKey = None,
     tls_name: TlsName = None,
-    network: Network = "doornet",
-    camera: Camera = None,
-    fov_deg: FovDeg = None,
-    threads: Threads = None,
 ) -> None:
     """Mark open doorways by hand on a page, until Ctrl-C; keys and two clicks a picture.
 
     Every mark is saved at once into FOLDER/doorways.csv, which `3ds eval` and `3ds train` read;
     called again, it goes on where it stopped.
-    """
-    choice = CameraOptions(camera, fov_deg).resolve()
 
+    Example: 3ds label pictures
+    """
+    from doorway3ds.camera.choice import choose_camera
     from doorway3ds.web.label.pictures import Pictures
     from doorway3ds.web.label.table import Table
 
+    choice = choose_camera(camera)
     if classes is not None:
         _export(folder, classes)
         return
     guesser = None
     if guess:
-        fit = choice.fit if camera is not None or fov_deg is not None else None
-        guesser = _guesser(folder, network, threads, fit)
+        guesser = _guesser(folder, network, choice.fit if choice.given else None)
     pictures = Pictures(folder, guesser)
     table = Table(folder)
     for name in pictures.left_out:
@@ -90,12 +92,12 @@ def label(
             typer.echo(f"{table.path}: {marked} of {len(pictures)} pictures marked", err=True)
 
 
-def _guesser(folder: Path, network: str, threads: int | None, fit: FitCamera | None) -> Guesser:
-    from doorway3ds.cli.shared.pipeline import build_pipeline
+def _guesser(folder: Path, network: NetworkOptions, fit: FitCamera | None) -> Guesser:
+    from doorway3ds.decide.pipeline import build_pipeline
     from doorway3ds.lab.datasets.readers import folder_camera
     from doorway3ds.web.label.guess import guesser
 
-    pipeline = build_pipeline("opening", network, None, None, threads)
+    pipeline = build_pipeline(DecideOptions(**asdict(network)))
     return guesser(pipeline, fit or folder_camera(folder))
 
 

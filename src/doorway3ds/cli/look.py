@@ -11,64 +11,52 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from doorway3ds.cli.shared.camera import CameraChoice, CameraOptions
+from doorway3ds.camera.options import CameraOptions
+from doorway3ds.cli.shared.expand import expand as expanded
 from doorway3ds.cli.shared.inputs import Input, expand
-from doorway3ds.cli.shared.options import (
-    Camera,
-    FovDeg,
-    HeightM,
-    MaxUnseenM,
-    Method,
-    Mirror,
-    Network,
-    PitchDeg,
-    RollDeg,
-    Threads,
-    WidthM,
-)
-from doorway3ds.cli.shared.pipeline import build_pipeline
 from doorway3ds.cli.shared.progress import Progress
+from doorway3ds.decide.options import DecideOptions
 from doorway3ds.errors import CallError, UserError
 
 if TYPE_CHECKING:
+    from doorway3ds.camera.choice import CameraChoice
     from doorway3ds.decide.pipeline import Pipeline
     from doorway3ds.types import Decision
 
 OUT = Path("3ds-out")
 
 
+@expanded
 def look(
     images: Annotated[
         list[str], typer.Argument(metavar="IMAGE", help="Files, folders, or - for stdin.")
     ],
+    camera: CameraOptions,
+    decide: DecideOptions,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON object per image and line.")
     ] = False,
-    method: Method = "opening",
-    network: Network = "doornet",
-    camera: Camera = None,
-    fov_deg: FovDeg = None,
-    height_m: HeightM = None,
-    pitch_deg: PitchDeg = None,
-    roll_deg: RollDeg = None,
-    width_m: WidthM = None,
-    max_unseen_m: MaxUnseenM = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help=f"Annotated pictures; ./{OUT} if not --json.")
+        Path | None,
+        typer.Option(
+            metavar="DIR", help=f"Folder for annotated images; default ./{OUT}, none with --json."
+        ),
     ] = None,
     depth_dir: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Depth maps in metres, .npy.")
+        Path | None, typer.Option(metavar="DIR", help="Folder for depth maps in metres, .npy.")
     ] = None,
-    threads: Threads = None,
-    mirror: Mirror = False,
 ) -> None:
-    """Say for each picture whether a doorway is open, where, and how far to turn.
+    """Report for each image whether a doorway is open, where, and how far to turn.
 
     Exit status: 0 every image was answered, 1 some were not, 2 wrong call.
+
+    Example: 3ds look photo.jpg --camera nao-v6-top --json
     """
-    options = CameraOptions(camera, fov_deg, height_m, pitch_deg, roll_deg)
-    choice = options.resolve()
-    pipeline = build_pipeline(method, network, width_m, max_unseen_m, threads, mirror)
+    from doorway3ds.camera.choice import choose_camera
+    from doorway3ds.decide.pipeline import build_pipeline
+
+    choice = choose_camera(camera)
+    pipeline = build_pipeline(decide)
     if out is None and not as_json:
         out = OUT
     for folder in (out, depth_dir):
@@ -112,21 +100,17 @@ class _Job:
 
     def decide(self, image: Input) -> tuple[Decision, str]:
         """The decision and the line that says it."""
-        from doorway3ds.camera.choice import turned_camera
         from doorway3ds.images.codec import read_image
-        from doorway3ds.types import Frame
+        from doorway3ds.sources.base import View
 
         source = image.read()
         start = time.perf_counter()
         name = "standard input" if image.name == "-" else image.name
         picture = read_image(source, name=name)
         decoded = (time.perf_counter() - start) * 1e3
-        height, width = picture.image.shape[:2]
         try:
-            camera = turned_camera(
-                self.choice.fit, width, height, picture.focal_35mm, picture.orientation
-            )
-            decision = self.pipeline.decide(Frame(picture.image, camera, self.choice.pose))
+            view = View(self.choice.fit, self.choice.pose_of)
+            decision = self.pipeline.decide(view.of_picture(picture))
         except UserError as error:
             raise UserError(f"{name}: {error}") from error
         decision = replace(decision, timings_ms={"decode": decoded, **decision.timings_ms})

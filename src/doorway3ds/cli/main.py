@@ -82,12 +82,19 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _run(arguments: Sequence[str]) -> int:
+    from typer.exceptions import TyperException
+
     from doorway3ds.errors import CallError, UserError
 
     try:
-        _app(arguments)(args=list(arguments), prog_name="3ds")
+        ended = application(arguments).main(list(arguments), prog_name="3ds", standalone_mode=False)
+        return ended if isinstance(ended, int) else 0
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else 1
+    except TyperException as error:
+        # In one line; empty where the help itself was the answer.
+        message = " ".join(error.format_message().replace("Value error, ", "").split())
+        return _refuse(message, error.exit_code) if message else error.exit_code
     except CallError as error:
         return _refuse(str(error), 2)
     except UserError as error:
@@ -98,10 +105,9 @@ def _run(arguments: Sequence[str]) -> int:
             raise
         hint = f"needs the extra '{extra}': pip install 'doorway3ds[{extra}]'"
         return _refuse(f"{' '.join(arguments[:1])} {hint} ({error.name} is missing)", 1)
-    return 0
 
 
-def _warn(message: Warning | str, *_args: object, **_kwargs: object) -> None:
+def _warn(message: Warning | str, *where: object, **more: object) -> None:
     sys.stderr.write(f"3ds: {message}\n")
 
 
@@ -119,8 +125,10 @@ def commands() -> list[str]:
     return [name for name in _ORDER if name in found] + sorted(found - set(_ORDER))
 
 
-def _app(arguments: Sequence[str]):  # type: ignore[no-untyped-def]  # Typer is imported late
+def application(arguments: Sequence[str]):  # type: ignore[no-untyped-def]  # Typer is imported late
     import typer
+
+    from doorway3ds.cli.shared.help import tidy
 
     app = typer.Typer(
         no_args_is_help=True,
@@ -151,7 +159,9 @@ def _app(arguments: Sequence[str]):  # type: ignore[no-untyped-def]  # Typer is 
             app.add_typer(module.app, name=name)
         else:
             app.command(name)(getattr(module, name))
-    return app
+    command = typer.main.get_command(app)
+    tidy(command)
+    return command
 
 
 if __name__ == "__main__":

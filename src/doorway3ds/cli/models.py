@@ -11,7 +11,8 @@ import typer
 from doorway3ds.errors import UserError
 
 app = typer.Typer(
-    invoke_without_command=True, help="List the networks, fetch or import their files."
+    invoke_without_command=True,
+    help="List the networks, fetch or import their files.\n\nExample: 3ds models --json",
 )
 
 

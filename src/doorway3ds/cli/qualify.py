@@ -8,11 +8,10 @@ from typing import Annotated
 
 import typer
 
-from doorway3ds.cli.shared.camera import CameraOptions
+from doorway3ds.camera.options import LensOptions
+from doorway3ds.cli.shared.expand import expand
 from doorway3ds.cli.shared.options import (
     Batch,
-    Camera,
-    FovDeg,
     Group,
     HalfOpen,
     Licence,
@@ -27,11 +26,13 @@ from doorway3ds.errors import CallError
 _STOPPED = 130
 
 
+@expand
 def qualify(
     folder: Annotated[
         Path,
         typer.Argument(help="Your pictures: open-door/ and no-door/, or doorways.csv, or both."),
     ],
+    camera: LensOptions,
     network: Annotated[
         str, typer.Option(metavar="NAME|FILE", help="What to start from: doornet or a site model.")
     ] = "doornet",
@@ -63,18 +64,20 @@ def qualify(
     group_pattern: Pattern = None,
     places: PlacesFile = None,
     half_open: HalfOpen = "leave-out",
-    camera: Camera = None,
-    fov_deg: FovDeg = None,
     repeats: Annotated[int, typer.Option(min=100, help="Bootstrap resamples.")] = 2000,
     seed: int = 0,
     licence: Licence = None,
     threads: TrainThreads = None,
 ) -> None:
-    """Measure the network at your site, fine-tune it on your pictures, keep it if it is better."""
+    """Measure the network at your site, fine-tune it on your pictures, keep it if it is better.
+
+    Example: 3ds qualify pictures --report site
+    """
     if out.suffix != ".onnx":
         raise CallError(f"--out is the site model's file, such as site.onnx, got {out}")
     if not learning_rate > 0:
         raise CallError(f"--learning-rate must be above 0, got {learning_rate:g}")
+    from doorway3ds.camera.choice import choose_camera
     from doorway3ds.lab.datasets.places import Choice
     from doorway3ds.lab.datasets.readers import read_places
     from doorway3ds.lab.train.engine import backend as engine
@@ -86,8 +89,7 @@ def qualify(
     if report is not None:
         outcome.require_plots()
     start = network_file(network)
-    options = CameraOptions(camera, fov_deg)
-    chosen = None if options == CameraOptions() else options.resolve()
+    chosen = None if camera == LensOptions() else choose_camera(camera)
     count = Progress()
     try:
         pictures = read_site(

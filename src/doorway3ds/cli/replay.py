@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from doorway3ds.cli.shared.options import Threads
-from doorway3ds.errors import CallError, UserError
+from doorway3ds.decide.options import DecideOptions, Method
+from doorway3ds.errors import UserError
 
 if TYPE_CHECKING:
     from doorway3ds.decide.pipeline import Pipeline
@@ -25,15 +25,16 @@ def replay(
         str | None,
         typer.Option(metavar="NAME[+NAME]", help="Another network than the run's."),
     ] = None,
-    method: Annotated[str | None, typer.Option(help="Another method: opening or paper.")] = None,
+    method: Annotated[Method | None, typer.Option(help="Another method than the run's.")] = None,
     tolerance: Annotated[float, typer.Option(help="Numbers may differ by this share.")] = 1e-6,
-    threads: Threads = None,
+    threads: Annotated[int | None, typer.Option(min=1, help="CPU threads of the network.")] = None,
 ) -> None:
-    """Decide on each recorded picture again and say where the answer differs.
+    """Decide on each recorded image again and report where the answer differs.
 
     Exit status: 0 all decisions are the same, 1 some differ or the run cannot be read.
+
+    Example: 3ds replay 3ds-run-20261128-101500 --method paper
     """
-    from doorway3ds.decide.follow import follow
     from doorway3ds.robots.runlog import differences, looks, read_log
 
     events = read_log(run)
@@ -43,8 +44,7 @@ def replay(
         total += 1
         if kept is not None:
             kept.perception = look.perception
-        decision = pipeline.decide(look.frame)
-        now = follow(decision, look.expected_deg, pipeline.params, pipeline.gates).to_dict()
+        now = pipeline.decide(look.frame, look.expected_deg).to_dict()
         names = differences(look.decision, now, tolerance)
         before = f"look {look.step}: {_short(look.decision)} -> {look.action}"
         if names:
@@ -74,26 +74,18 @@ class _Kept:
 
 
 def _pipeline(
-    start: dict[str, Any], network: str | None, method: str | None, threads: int | None
+    start: dict[str, Any], network: str | None, method: Method | None, threads: int | None
 ) -> tuple[Pipeline, _Kept | None]:
-    from doorway3ds.cli.shared.pipeline import build_pipeline
-    from doorway3ds.decide.gates import Gates
-    from doorway3ds.decide.pipeline import Method, Pipeline
+    from doorway3ds.decide.pipeline import build_pipeline
 
-    if method not in (None, "opening", "paper"):
-        raise CallError(f"--method must be opening or paper, got {method!r}")
     try:
-        name, gates = str(start["network"]), Gates(**start["gates"])
-        how: Method = "paper" if (method or start["method"]) == "paper" else "opening"
+        options = DecideOptions(**start["options"])
     except (KeyError, TypeError) as error:
         raise UserError(f"the run's first line lacks {error}") from error
-    if network is None and name == "truth":
-        kept = _Kept(name)
-        return Pipeline(kept, method=how, gates=gates), kept
-    params = start.get("params") or {}
-    width = (params.get("clearance") or {}).get("width_m")
-    built = build_pipeline(how, network or name, width, gates.max_unseen_m, threads)
-    return replace(built, gates=gates), None
+    given: dict[str, Any] = {"network": network, "method": method, "threads": threads}
+    options = replace(options, **{name: v for name, v in given.items() if v is not None})
+    kept = _Kept(options.network) if options.network == "truth" else None
+    return build_pipeline(options, kept), kept
 
 
 def _short(decision: dict[str, Any]) -> str:

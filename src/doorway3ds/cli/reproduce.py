@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from doorway3ds.cli.shared.camera import CameraOptions
+from doorway3ds.camera.options import LensOptions
+from doorway3ds.cli.shared.expand import expand
 from doorway3ds.cli.shared.options import (
-    Camera,
     EvalLayout,
-    FovDeg,
     Group,
     HalfOpen,
     Network,
@@ -37,7 +36,9 @@ if TYPE_CHECKING:
     from doorway3ds.lab.train.paper.srinrun import EpochScores, SrinOptions
 
 
+@expand
 def reproduce(
+    camera: LensOptions,
     pictures: Annotated[
         Path | None,
         typer.Option(
@@ -45,8 +46,6 @@ def reproduce(
         ),
     ] = None,
     network: Network = "doornet",
-    camera: Camera = None,
-    fov_deg: FovDeg = None,
     dataset: Annotated[
         Path | None,
         typer.Option(
@@ -74,6 +73,8 @@ def reproduce(
     the paper's camera (60.9 degrees across) unless --camera or --fov-deg says otherwise, stand in
     for Tables 1 and 2; a data set of two classes for the training. What cannot be rerun without
     the authors' pictures is said.
+
+    Example: 3ds reproduce --pictures twelve --out report
     """
     if dataset is not None and out is None:
         raise CallError("--dataset trains; add --out DIR for its features and checkpoints")
@@ -97,7 +98,7 @@ def reproduce(
     answers: list[Answer] = []
     if pictures is not None:
         facts |= {"pictures": str(pictures), "network": network}
-        answers = _answers(pictures, network, CameraOptions(camera, fov_deg), threads)
+        answers = _answers(pictures, network, camera, threads)
         shown.append(tables.pictures_table(answers))
     here = tables.count(answers)
     shown.append(tables.confusion_table(here))
@@ -136,17 +137,17 @@ def reproduce(
     _show(report, tables.result(rows, answers, scored), as_json, out)
 
 
-def _answers(
-    folder: Path, network: str, options: CameraOptions, threads: int | None
-) -> list[Answer]:
-    from doorway3ds.cli.shared.pipeline import build_pipeline
+def _answers(folder: Path, network: str, options: LensOptions, threads: int | None) -> list[Answer]:
+    from doorway3ds.camera.choice import choose_camera
+    from doorway3ds.decide.options import DecideOptions, Method
+    from doorway3ds.decide.pipeline import build_pipeline
     from doorway3ds.lab.evaluate.paper import printed
     from doorway3ds.lab.evaluate.paper import reproduce as tables
 
-    if options == CameraOptions():
-        options = CameraOptions(fov_deg=printed.FOV_DEG)
-    samples = tables.read_pictures(folder, options.resolve().fit)
-    pipeline = build_pipeline("paper", network, None, None, threads)
+    if options == LensOptions():
+        options = LensOptions(fov_deg=printed.FOV_DEG)
+    samples = tables.read_pictures(folder, choose_camera(options).fit)
+    pipeline = build_pipeline(DecideOptions(network, threads=threads, method=Method.PAPER))
     with Progress() as seen:
         return tables.answer_pictures(samples, pipeline.decide, seen)
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from doorway3ds.cli.shared.camera import CameraOptions, require_range
+from doorway3ds.camera.options import CameraOptions
+from doorway3ds.cli.shared.expand import expand
 from doorway3ds.cli.shared.listening import (
     Host,
     ListenOptions,
@@ -16,28 +17,20 @@ from doorway3ds.cli.shared.listening import (
     TlsName,
     Token,
 )
-from doorway3ds.cli.shared.options import (
-    Camera,
-    FovDeg,
-    HeightM,
-    MaxUnseenM,
-    Method,
-    Network,
-    PitchDeg,
-    RollDeg,
-    WidthM,
-)
-from doorway3ds.errors import CallError
+from doorway3ds.cli.shared.robot import open_eyes
+from doorway3ds.decide.options import DecideOptions
+from doorway3ds.options import require_range
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from doorway3ds.cli.shared.camera import CameraChoice
     from doorway3ds.sources import Source
-    from doorway3ds.web.serve.settings import Settings
 
 
+@expand
 def serve(
+    camera: CameraOptions,
+    decide: DecideOptions,
     source: Annotated[
         str | None,
         typer.Argument(help="Shown live on the page: a video, webcam://0, rtsp://... as in `live`"),
@@ -51,19 +44,9 @@ def serve(
     tls_cert: TlsCert = None,
     tls_key: TlsKey = None,
     tls_name: TlsName = None,
-    method: Method = "opening",
-    network: Network = "doornet",
-    camera: Camera = None,
-    fov_deg: FovDeg = None,
-    height_m: HeightM = None,
-    pitch_deg: PitchDeg = None,
-    roll_deg: RollDeg = None,
-    width_m: WidthM = None,
-    max_unseen_m: MaxUnseenM = None,
     loop: Annotated[
         bool, typer.Option("--loop", help="Begin a video or folder again at its end.")
     ] = False,
-    threads: Annotated[int | None, typer.Option(min=1, help="For each network.")] = None,
     workers: Annotated[int, typer.Option(min=1, max=64, help="Decisions at once.")] = 2,
     in_flight: Annotated[
         int, typer.Option(min=1, max=10_000, help="Decisions that run or wait; more get 429.")
@@ -75,16 +58,14 @@ def serve(
 
     SOURCE is what the page shows live; without one it decides on pictures and on the camera of
     the browser. Only this machine is answered unless --host says otherwise.
+
+    Example: 3ds serve webcam://0 --camera pepper-top
     """
-    if method not in ("opening", "paper"):
-        raise CallError(f"--method must be opening or paper, got {method!r}")
-    require_range("--width-m", width_m, 0.01, 5)
-    require_range("--max-unseen-m", max_unseen_m, 0, 100)
     require_range("--max-mb", max_mb, 0.01, 1024)
     require_range("--max-megapixels", max_megapixels, 0.01, 1000)
-    options = CameraOptions(camera, fov_deg, height_m, pitch_deg, roll_deg)
-    choice = options.resolve()
+    from doorway3ds.camera.choice import choose_camera
 
+    choice = choose_camera(camera)
     listening = ListenOptions(
         host, port, token, tls, tls_cert, tls_key, tuple(tls_name or ())
     ).open()
@@ -98,14 +79,9 @@ def serve(
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     settings = Settings(
         token=listening.token,
-        method=method,
-        network=network,
-        threads=threads,
+        decide=decide,
         workers=workers,
-        camera=choice.fit if camera is not None or fov_deg is not None else None,
-        pose=choice.pose,
-        width_m=width_m,
-        max_unseen_m=max_unseen_m,
+        camera=choice,
         link=listening.shared,
         limits=Limits(
             max_bytes=int(max_mb * 2**20),
@@ -114,27 +90,16 @@ def serve(
         ),
     )
     with listening.bound:
-        listening.serve(create_app(settings, _source(source, choice, loop, settings)), "serving")
+        listening.serve(create_app(settings, _source(source, camera, loop)), "serving")
 
 
 def _source(
-    uri: str | None,
-    choice: CameraChoice,
-    loop: bool,
-    settings: Settings,
+    uri: str | None, camera: CameraOptions, loop: bool
 ) -> tuple[str, Callable[[], Source]] | None:
     """The name of the page's source and how to open it; wrong ones are found here."""
     if uri is None:
         return None
-    from doorway3ds.camera.model import Pose
-    from doorway3ds.sources import open_source
     from doorway3ds.sources.uri import without_password
 
-    source = open_source(
-        uri,
-        camera=settings.camera,
-        pose=None if choice.pose == Pose() else choice.pose,
-        pace=True,
-        loop=loop,
-    )
+    source = open_eyes(uri, camera, pace=True, loop=loop)
     return without_password(uri), lambda: source

@@ -9,7 +9,11 @@ import typer
 
 from doorway3ds.errors import CallError, UserError
 
-app = typer.Typer(no_args_is_help=True, help="Simulated homes: pictures with exact truth.")
+app = typer.Typer(
+    no_args_is_help=True,
+    help="Simulated homes: images with exact truth.\n\n"
+    "Example: 3ds sim render --out homes --count 10",
+)
 
 
 def parse_size(text: str) -> tuple[int, int]:

@@ -31,7 +31,9 @@ from doorway3ds.cli.shared.options import (
 from doorway3ds.cli.shared.training import running, say
 from doorway3ds.errors import CallError
 
-app = typer.Typer(help="Train networks from pictures.", no_args_is_help=True)
+app = typer.Typer(
+    help="Train networks from images.\n\nExample: 3ds train cnn-srin pictures", no_args_is_help=True
+)
 
 
 @app.callback()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from doorway3ds.decide.options import ALIGNED_DEG
 from doorway3ds.types import Decision, Frame, Perception, Reason, Selection
 
 
@@ -18,7 +19,7 @@ class Gates:
     """
 
     open_from: float = 0.5
-    aligned_deg: float = 3.0
+    aligned_deg: float = ALIGNED_DEG
     max_unseen_m: float | None = None
 
 

@@ -4,29 +4,31 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera.choice import default_camera, turned_camera
 from doorway3ds.camera.model import Camera, Pose
+from doorway3ds.decide.follow import follow
 from doorway3ds.decide.gates import Gates, decide
 from doorway3ds.decide.opening import OpeningParams, select_opening, way_below
+from doorway3ds.decide.options import DecideOptions, Method
 from doorway3ds.decide.paper import select_paper
 from doorway3ds.decide.scene.metres import in_metres
-from doorway3ds.errors import UserError
-from doorway3ds.images.codec import read_image
+from doorway3ds.errors import CallError, UserError
+from doorway3ds.images.codec import Picture, read_image
 from doorway3ds.networks.base import Joined, Network, thresholds_of
 from doorway3ds.networks.limits import override
+from doorway3ds.networks.mirrored import Mirrored
 from doorway3ds.networks.registry import load
+from doorway3ds.sources.base import View
 from doorway3ds.types import Decision, Frame, Perception
 
-Method = Literal["opening", "paper"]
-NEEDS: dict[Method, tuple[str, ...]] = {
-    "opening": ("p_open", "columns"),
-    "paper": ("p_open", "depth"),
+NEEDS: Mapping[str, tuple[str, ...]] = {
+    Method.OPENING: ("p_open", "columns"),
+    Method.PAPER: ("p_open", "depth"),
 }
 
 
@@ -42,7 +44,7 @@ class Pipeline:
     """
 
     network: Network
-    method: Method = "opening"
+    method: str = Method.OPENING
     params: OpeningParams | None = None
     gates: Gates = field(default_factory=Gates)
 
@@ -93,22 +95,24 @@ class Pipeline:
             return self.decide(image)
         start = time.perf_counter()
         timings: dict[str, float] = {}
-        focal_35mm, orientation = None, 1
-        if not isinstance(image, np.ndarray):
+        if isinstance(image, np.ndarray):
+            picture = Picture(image)
+        else:
             picture = read_image(image)
-            image, focal_35mm = picture.image, picture.focal_35mm
-            orientation = picture.orientation
             timings["decode"] = (time.perf_counter() - start) * 1e3
-        height, width = image.shape[:2]
-        given = camera
-        fit = default_camera if given is None else lambda w, h, _: given.scaled_to(w, h)
-        fitted = turned_camera(fit, width, height, focal_35mm, orientation)
-        decision = self.decide(Frame(image, fitted, pose or Pose()))
+        decision = self.decide(View(camera, pose).of_picture(picture))
         return replace(decision, timings_ms={**timings, **decision.timings_ms})
 
-    def decide(self, frame: Frame) -> Decision:
-        """The decision for one frame, with what each stage took in milliseconds."""
-        return self.conclude(frame, self.perceive(frame))
+    def decide(self, frame: Frame, expected_deg: float | None = None) -> Decision:
+        """The decision for one frame, with what each stage took in milliseconds.
+
+        expected_deg: stay with the doorway at this bearing, as `stay` does.
+        """
+        return self.stay(self.conclude(frame, self.perceive(frame)), expected_deg)
+
+    def stay(self, decision: Decision, expected_deg: float | None) -> Decision:
+        """The decision about the doorway expected at a bearing; unchanged if it is not in view."""
+        return follow(decision, expected_deg, self.params, self.gates)
 
     def perceive(self, frame: Frame) -> Perception:
         """The first half of `decide`, the network's: most of the time, outside Python's lock."""
@@ -142,3 +146,26 @@ class Pipeline:
             "decision": (time.perf_counter() - selected) * 1e3,
         }
         return replace(decision, timings_ms=timings)
+
+
+def build_pipeline(options: DecideOptions, network: Network | None = None) -> Pipeline:
+    """The pipeline that options describe.
+
+    network: is used instead of opening the one that the options name.
+
+    Raises CallError for a network that is missing, unknown or unfit for the method.
+    """
+    try:
+        if network is None:
+            network = load(options.network, threads=options.threads, needs=NEEDS[options.method])
+        pipeline = Pipeline(
+            Mirrored(network) if options.mirror else network,
+            options.method,
+            gates=Gates(max_unseen_m=options.max_unseen_m, aligned_deg=options.aligned_deg),
+        )
+    except UserError as error:
+        raise CallError(str(error)) from error
+    if options.width_m is None or pipeline.params is None:
+        return pipeline
+    clearance = replace(pipeline.params.clearance, width_m=options.width_m)
+    return replace(pipeline, params=replace(pipeline.params, clearance=clearance))

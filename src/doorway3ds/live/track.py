@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from doorway3ds.decide.options import ALIGNED_DEG
 from doorway3ds.live.filters import Belief, Smoothed
 from doorway3ds.types import Decision, Opening, Reason, Selection
 
@@ -49,7 +50,7 @@ class TrackerParams:
     way_from: float = 0.65
     way_below: float = 0.35
     way_forget_s: float = 2.0
-    aligned_deg: float = 3.0
+    aligned_deg: float = ALIGNED_DEG
     turn_from_deg: float = 4.5
     restart_s: float = 5.0
 

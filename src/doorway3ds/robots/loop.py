@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Protocol
 
+from doorway3ds.decide.options import ALIGNED_DEG
 from doorway3ds.errors import UserError
 from doorway3ds.robots.base import HALTING, Driver, Refused, RobotLost, TurnEnd, TurnResult
 from doorway3ds.robots.runlog import RunLog
@@ -69,7 +70,7 @@ class LoopParams:
     nothing. goes: turns towards a doorway before it gives up on ever facing it.
     """
 
-    aligned_deg: float = 3.0
+    aligned_deg: float = ALIGNED_DEG
     search_deg: float = 40.0
     glance_deg: float = 25.0
     settle_s: float = 0.3

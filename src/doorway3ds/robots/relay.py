@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 
 from doorway3ds.decide.follow import follow
-from doorway3ds.decide.gates import Gates
-from doorway3ds.decide.opening import OpeningParams
 from doorway3ds.types import Decision, Frame, Perception
 
 
@@ -14,11 +13,11 @@ class Relay:
     """Source and judgement of a `Loop`, while another thread watches the same camera.
 
     The watcher offers every decision; the loop gets the newest, whenever it looks.
-    params, gates: those the decisions were made with.
+    stay: the decision about the doorway expected at a bearing; the pipeline's own `stay`.
     """
 
-    def __init__(self, params: OpeningParams | None = None, gates: Gates | None = None) -> None:
-        self._params, self._gates = params, gates
+    def __init__(self, stay: Callable[[Decision, float | None], Decision] = follow) -> None:
+        self._stay = stay
         self._news = threading.Condition()
         self._newest: Decision | None = None
         self._given: Decision | None = None
@@ -58,7 +57,7 @@ class Relay:
 
     def decide(self, frame: Frame, expected_deg: float | None) -> Decision:
         """The decision on the frame that `read` gave last, held to the doorway expected there."""
-        return follow(self._on(frame), expected_deg, self._params, self._gates)
+        return self._stay(self._on(frame), expected_deg)
 
     def perception(self, frame: Frame) -> Perception:
         """What the network saw in the frame that `read` gave last."""

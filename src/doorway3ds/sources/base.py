@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,16 @@ from numpy.typing import NDArray
 from doorway3ds.camera.choice import FitCamera, default_camera, turned_camera
 from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.errors import UserError
-from doorway3ds.images.codec import Picture
 from doorway3ds.types import Frame
 
+if TYPE_CHECKING:
+    from doorway3ds.images.codec import Picture
+    from doorway3ds.networks.base import Network
+
 CameraFor = FitCamera
+
+PoseOf = Callable[["Pose | None"], Pose]
+"""The pose of a picture, given the one that the source measured for it, if it did."""
 
 
 class SourceLost(UserError):
@@ -29,11 +35,12 @@ class View:
     """The camera and pose that the user gave, and what holds without them.
 
     camera: scaled to each picture's size (UserError for another aspect), or a function that gives
-        it; outranks the camera a source knows of itself. pose: likewise.
+        it; outranks the camera a source knows of itself. pose: likewise; a function may keep what
+        the source measured.
     """
 
     camera: Camera | CameraFor | None = None
-    pose: Pose | None = None
+    pose: Pose | PoseOf | None = None
 
     def frame(
         self,
@@ -65,9 +72,10 @@ class View:
             if sent is None:
                 raise
             fitted = turned_camera(fit, *sent, focal_35mm, orientation).stretched_to(width, height)
-        return Frame(image, fitted, self.pose or pose or Pose(), stamp_s)
+        placed = self.pose(pose) if callable(self.pose) else self.pose or pose or Pose()
+        return Frame(image, fitted, placed, stamp_s)
 
-    def of_picture(self, picture: Picture, stamp_s: float) -> Frame:
+    def of_picture(self, picture: Picture, stamp_s: float = 0.0) -> Frame:
         """The frame of a decoded image file."""
         return self.frame(
             picture.image,
@@ -93,6 +101,7 @@ class Source(ABC):
     frame_name: what the last frame is called: a file of a folder, else `name`.
     problem: why no picture comes at the moment, in words, or None.
     ended: no further frame will come.
+    truth: a network that makes no mistakes about the last frame, if a source has one.
     notice: called with one line for each picture left out and each change of the connection,
         perhaps from another thread.
 
@@ -110,6 +119,7 @@ class Source(ABC):
         self.reconnects = 0
         self.problem: str | None = None
         self.ended = False
+        self.truth: Network | None = None
         self.notice: Callable[[str], None] = _ignore
 
     @abstractmethod

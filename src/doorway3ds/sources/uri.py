@@ -12,7 +12,7 @@ from urllib.parse import SplitResult, parse_qsl, urlsplit, urlunsplit
 
 from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.errors import CallError, UserError
-from doorway3ds.sources.base import CameraFor, Source, View
+from doorway3ds.sources.base import CameraFor, PoseOf, Source, View
 
 # Sources in modules of their own, each with open_uri(uri, view, **options) -> Source.
 _ELSEWHERE = {
@@ -31,7 +31,7 @@ def open_source(
     uri: str,
     *,
     camera: Camera | CameraFor | None = None,
-    pose: Pose | None = None,
+    pose: Pose | PoseOf | None = None,
     **options: Any,
 ) -> Source:
     """The source that `uri` names; a context manager and iterator of frames.

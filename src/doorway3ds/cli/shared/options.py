@@ -7,24 +7,10 @@ from typing import Annotated
 
 import typer
 
-# What decides, and by which camera: look, live, serve, run, replay, reproduce.
-Method = Annotated[str, typer.Option(help="opening or paper.")]
+# reproduce, eval
 Network = Annotated[
     str, typer.Option(metavar="NAME[+NAME]", help="See `3ds models`; or an .onnx file.")
 ]
-Camera = Annotated[
-    str | None, typer.Option(metavar="PRESET|FILE", help="Preset or ROS camera_info YAML.")
-]
-FovDeg = Annotated[float | None, typer.Option(help="Horizontal field of view.")]
-HeightM = Annotated[float | None, typer.Option(help="Camera above the floor.")]
-PitchDeg = Annotated[float | None, typer.Option(help="Camera's pitch, + up.")]
-RollDeg = Annotated[float | None, typer.Option(help="Camera's roll.")]
-WidthM = Annotated[float | None, typer.Option(help="Robot's width; NAO's by default.")]
-MaxUnseenM = Annotated[
-    float | None,
-    typer.Option(help="Abstain where the floor comes into view only beyond this distance."),
-]
-Threads = Annotated[int | None, typer.Option(min=1, help="For the network.")]
 Mirror = Annotated[
     bool,
     typer.Option("--mirror", help="Average over both mirrorings: steadier, at twice the time."),

@@ -1,4 +1,4 @@
-"""The robot of `3ds run` and `3ds live`: who turns, what perceives for it, how a run is logged."""
+"""The robot of `3ds run` and `3ds live`: its eyes, who turns, and how a run is logged."""
 
 from __future__ import annotations
 
@@ -8,19 +8,30 @@ import time
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
 
-from doorway3ds.cli.shared.pipeline import build_pipeline
+import typer
+
 from doorway3ds.errors import CallError
 
 if TYPE_CHECKING:
+    from doorway3ds.camera.options import CameraOptions
+    from doorway3ds.decide.options import DecideOptions
     from doorway3ds.decide.pipeline import Pipeline
-    from doorway3ds.robots.base import Driver, Limits, Robot
+    from doorway3ds.robots.base import Driver, Robot
+    from doorway3ds.robots.options import MotionOptions
     from doorway3ds.robots.runlog import RunLog
     from doorway3ds.sources import Source
 
-ROBOT_HELP = "nao://HOST[:PORT], sim (the robot of a sim:// source), or dry."
-MOVE_HELP = "Allow motion. Without it nothing moves."
+ROBOT_HELP = "Robot to turn: nao://HOST[:PORT], sim (of a sim:// source), or dry."
+RunFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--log", "--record", metavar="DIR",
+        help="Folder for images and decisions, for `3ds replay`; of a robot's run by default "
+        "3ds-run-DATE-TIME.",
+    ),
+]  # fmt: skip
 
 
 def require_robot(name: str) -> None:
@@ -29,37 +40,38 @@ def require_robot(name: str) -> None:
         raise CallError(f"--robot must be nao://HOST[:PORT], sim or dry, got {name!r}")
 
 
-def pipeline_for(
-    source: Source,
-    method: str,
-    network: str,
-    width_m: float | None,
-    max_unseen_m: float | None,
-    threads: int | None,
-) -> Pipeline:
-    """`build_pipeline`; for `--network truth` one that makes no mistakes about a sim:// source."""
-    if network != "truth":
-        return build_pipeline(method, network, width_m, max_unseen_m, threads)
+def open_eyes(uri: str, camera: CameraOptions, **options: Any) -> Source:
+    """The source of a URI; what the user says of the camera outranks what the source knows."""
+    from doorway3ds.camera.choice import choose_camera
+    from doorway3ds.sources import open_source
 
-    from doorway3ds.decide.gates import Gates
-    from doorway3ds.decide.pipeline import Pipeline
-    from doorway3ds.lab.sim.robot.source import TruthNetwork
+    choice = choose_camera(camera)
+    fit = choice.fit if choice.given else None
+    return open_source(uri, camera=fit, pose=choice.pose_of, **options)
 
-    if method not in ("opening", "paper"):
-        raise CallError(f"--method must be opening or paper, got {method!r}")
-    return Pipeline(
-        TruthNetwork(source),
-        method="paper" if method == "paper" else "opening",
-        gates=Gates(max_unseen_m=max_unseen_m),
-    )
+
+def pipeline_for(source: Source, options: DecideOptions) -> Pipeline:
+    """`build_pipeline`; for `--network truth` with the source's network that makes no mistakes."""
+    from doorway3ds.decide.pipeline import build_pipeline
+
+    if options.network != "truth":
+        return build_pipeline(options)
+    if source.truth is None:
+        raise CallError(f"--network truth needs a sim:// source, got {source.name}")
+    if options.mirror:
+        raise CallError("--mirror averages a network's errors, and --network truth makes none")
+    return build_pipeline(options, source.truth)
 
 
 @contextlib.contextmanager
-def robot_of(name: str, source: Source, limits: Limits) -> Iterator[Robot]:
-    """The robot that `--robot` names, let go at the end; CallError for another name."""
-    from doorway3ds.robots.base import DryRobot
+def driver_of(name: str, source: Source, motion: MotionOptions) -> Iterator[Driver]:
+    """The gate to the robot that `--robot` names; the robot is let go at the end."""
+    from doorway3ds.robots.base import Driver, DryRobot, Limits
 
     require_robot(name)
+    limits = Limits(
+        max_turn_deg=motion.max_turn_deg, ttl_s=motion.ttl_s, turn_timeout_s=motion.turn_timeout_s
+    )
     legs: Robot
     if name == "dry":
         legs = DryRobot()
@@ -75,7 +87,7 @@ def robot_of(name: str, source: Source, limits: Limits) -> Iterator[Robot]:
 
         legs = NaoRobot(name, limits, tell=_tell)
     try:
-        yield legs
+        yield Driver(legs, move=motion.move, limits=limits)
     finally:
         legs.close()
 
@@ -87,18 +99,22 @@ def _tell(line: str) -> None:
 
 @contextlib.contextmanager
 def logged(
-    folder: Path | None, pipeline: Pipeline, source: Source, driver: Driver
+    folder: Path | None,
+    options: DecideOptions,
+    pipeline: Pipeline,
+    source: Source,
+    driver: Driver | None = None,
 ) -> Iterator[RunLog]:
-    """The log of a run, begun; folder: default 3ds-run-DATE-TIME."""
+    """The log of a run, begun with all that `3ds replay` needs; default 3ds-run-DATE-TIME."""
     from doorway3ds import __version__
     from doorway3ds.robots.runlog import RunLog
 
     folder = folder or Path(time.strftime("3ds-run-%Y%m%d-%H%M%S"))
-    with RunLog(folder, perception=pipeline.network.name == "truth") as log:
+    with RunLog(folder, perception=options.network == "truth") as log:
         log.write(
-            "start", version=__version__, method=pipeline.method, network=pipeline.network.name,
+            "start", version=__version__, options=asdict(options), network=pipeline.network.name,
             gates=asdict(pipeline.gates), params=pipeline.params and asdict(pipeline.params),
-            limits=asdict(driver.limits), source=source.name, robot=driver.robot.name,
-            move=driver.move,
+            limits=driver and asdict(driver.limits), source=source.name,
+            robot=driver and driver.robot.name, move=driver is not None and driver.move,
         )  # fmt: skip
         yield log

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from doorway3ds.camera.choice import FitCamera, turned_camera
+from doorway3ds.camera.choice import FitCamera
 from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.images.codec import Picture
-from doorway3ds.types import Decision, Frame
+from doorway3ds.sources.base import View
+from doorway3ds.types import Decision
 from doorway3ds.web.label.marks import MarkedOpening, Marks
 from doorway3ds.web.label.pictures import Guess, Guesser
 
@@ -17,9 +18,7 @@ def guesser(pipeline: Pipeline, fit: FitCamera) -> Guesser:
     """Asks the pipeline; `fit` gives the camera of a picture."""
 
     def guess(picture: Picture) -> Guess:
-        height, width = picture.image.shape[:2]
-        camera = turned_camera(fit, width, height, picture.focal_35mm, picture.orientation)
-        decision = pipeline.decide(Frame(picture.image, camera))
+        decision = pipeline.decide(View(fit).of_picture(picture))
         return Guess(marks_of(decision), float(decision.p_open))
 
     return guess

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal
+from dataclasses import replace
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from doorway3ds.camera.choice import default_camera
-from doorway3ds.camera.model import Camera, Pose
-from doorway3ds.camera.presets import PRESETS, preset
-from doorway3ds.decide.gates import Gates
-from doorway3ds.decide.opening import OpeningParams
-from doorway3ds.decide.pipeline import NEEDS, Method, Pipeline
+from doorway3ds.camera.choice import CameraChoice, choose_camera
+from doorway3ds.camera.options import CameraOptions
+from doorway3ds.camera.presets import PRESETS
+from doorway3ds.decide.options import DecideOptions
+from doorway3ds.decide.pipeline import NEEDS, Pipeline, build_pipeline
+from doorway3ds.images.codec import Picture
 from doorway3ds.networks.base import DEPTH, RELATIVE, Joined, Network, together
 from doorway3ds.networks.registry import MODELS, load
-from doorway3ds.sources.base import CameraFor
+from doorway3ds.sources.base import View
+from doorway3ds.types import Frame
 from doorway3ds.web.base.errors import ApiError
 from doorway3ds.web.serve.settings import Settings
 
@@ -100,43 +101,37 @@ class DecideFields(Fields):
     )
 
 
-@dataclass(frozen=True)
-class Viewpoint:
-    """The camera of pictures that are still to come, and its pose."""
+def _asked(fields: Fields, usual: CameraChoice) -> View:
+    """The camera and pose that a request names; no camera if it names none."""
+    auto = fields.camera == AUTO
+    choice = choose_camera(
+        CameraOptions(
+            None if auto else fields.camera,
+            fields.fov_deg,
+            fields.height_m,
+            fields.pitch_deg,
+            fields.roll_deg,
+        )
+    )
+    # A camera's pose goes with it; a pose given by itself is of whatever looks.
+    own_pose = choice.camera is not None or (auto and usual.given)
+    return View(
+        choice.fit if auto or choice.given else None,
+        lambda known: choice.pose_of(None if own_pose else known),
+    )
 
-    camera: CameraFor
-    pose: Pose
 
-    def fit(self, width: int, height: int, focal_35mm: float | None) -> Camera:
-        return self.camera(width, height, focal_35mm)
+def upload_frame(picture: Picture, fields: Fields, usual: CameraChoice) -> Frame:
+    """The frame of a request's image; usual: the server's own camera."""
+    asked = _asked(fields, usual)
+    frame = View(asked.camera or usual.fit, usual.pose_of()).of_picture(picture)
+    return View(frame.camera, asked.pose).frame(frame.image, 0.0, pose=frame.pose)
 
 
-def viewpoint(fields: Fields, settings: Settings) -> Viewpoint:
-    """Where a request's picture was taken from: its fields over the server's settings."""
-    camera, pose = settings.camera or default_camera, settings.pose
-    if fields.camera == AUTO:
-        # A given camera's pose goes with it; a pose given by itself is of whatever looks.
-        camera, pose = default_camera, Pose() if settings.camera else settings.pose
-    elif fields.camera is not None:
-        name = fields.camera
-
-        def from_preset(width: int, height: int, _: float | None) -> Camera:
-            return preset(name, width, height)[0]
-
-        camera, pose = from_preset, PRESETS[name][1]
-    elif fields.fov_deg is not None:
-        degrees = fields.fov_deg
-
-        def from_angle(width: int, height: int, _: float | None) -> Camera:
-            return Camera.from_fov(width, height, degrees, name=f"fov {degrees:g} deg")
-
-        camera = from_angle
-    given = {
-        name: value
-        for name in ("height_m", "pitch_deg", "roll_deg")
-        if (value := getattr(fields, name)) is not None
-    }
-    return Viewpoint(camera, replace(pose, **given))
+def source_frame(frame: Frame, fields: Fields, usual: CameraChoice) -> Frame:
+    """A frame of the server's own source by the camera and pose that a request names."""
+    asked = _asked(fields, usual)
+    return asked.frame(frame.image, frame.stamp_s, camera=frame.camera, pose=frame.pose)
 
 
 class Pipelines:
@@ -149,8 +144,8 @@ class Pipelines:
         self._settings = settings
         self._lock = threading.Lock()
         self._loaded: dict[str, Network] = {}
-        self._made: dict[tuple[Any, ...], Pipeline] = {}
-        self.networks = tuple(dict.fromkeys([settings.network, *_available()]))
+        self._made: dict[DecideOptions, Pipeline] = {}
+        self.networks = tuple(dict.fromkeys([settings.decide.network, *_available()]))
         self.get(Fields())
 
     def get(self, fields: Fields) -> Pipeline:
@@ -158,50 +153,44 @@ class Pipelines:
 
         Raises ApiError for a network that is not there, UserError where its file is damaged.
         """
-        settings = self._settings
-        name = fields.network or settings.network
-        if name not in self.networks:
+        given = {
+            name: value
+            for name in ("network", "method", "width_m", "max_unseen_m")
+            if (value := getattr(fields, name)) is not None
+        }
+        options = replace(self._settings.decide, **given)
+        if options.network not in self.networks:
             raise ApiError(
                 422, "unknown_network", f"network must be one of {', '.join(self.networks)}"
             )
-        method: Method = "paper" if (fields.method or settings.method) == "paper" else "opening"
-        width_m = settings.width_m if fields.width_m is None else fields.width_m
-        unseen_m = settings.max_unseen_m if fields.max_unseen_m is None else fields.max_unseen_m
-        key = (name, method, width_m, unseen_m)
         with self._lock:
-            if key not in self._made:
+            if options not in self._made:
                 while len(self._made) >= _CACHED:
                     del self._made[next(iter(self._made))]
-                self._made[key] = self._make(name, method, width_m, unseen_m)
-            return self._made[key]
+                self._made[options] = self._make(options)
+            return self._made[options]
 
-    def _make(
-        self, name: str, method: Method, width_m: float | None, unseen_m: float | None
-    ) -> Pipeline:
-        network = self._network(name)
-        lacking = [need for need in NEEDS[method] if need not in network.gives]
+    def _make(self, options: DecideOptions) -> Pipeline:
+        network = self._network(options.network)
+        lacking = [need for need in NEEDS[options.method] if need not in network.gives]
         if lacking:
             raise ApiError(
                 422,
                 "unfit_network",
-                f"method {method} needs {', '.join(lacking)}, which network {name} does not give",
+                f"method {options.method} needs {', '.join(lacking)}, which network "
+                f"{options.network} does not give",
             )
-        pipeline = Pipeline(network, method, gates=Gates(max_unseen_m=unseen_m))
-        if width_m is None:
-            return pipeline
-        params = pipeline.params or OpeningParams()
-        clearance = replace(params.clearance, width_m=width_m)
-        return replace(pipeline, params=replace(params, clearance=clearance))
+        return build_pipeline(options, network)
 
     def _network(self, name: str) -> Network:
         parts = []
         for part in name.split("+"):
             if part not in self._loaded:
-                self._loaded[part] = load(part, threads=self._settings.threads)
+                self._loaded[part] = load(part, threads=self._settings.decide.threads)
             parts.append(self._loaded[part])
         return parts[0] if len(parts) == 1 else Joined(parts)
 
-    def methods(self, name: str) -> list[Method]:
+    def methods(self, name: str) -> list[str]:
         """The methods that network `name` can be used with, by what the registry says of it."""
         parts = name.split("+")
         if not all(part in MODELS for part in parts):

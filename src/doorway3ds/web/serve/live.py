@@ -8,22 +8,22 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.draw import annotate, overlay
 from doorway3ds.errors import UserError
 from doorway3ds.images.codec import encode_jpeg
-from doorway3ds.live.feed import Feed
-from doorway3ds.live.tracker import Tracked, Tracker
+from doorway3ds.live.session import Session, Update
+from doorway3ds.live.tracker import Tracked
 from doorway3ds.sources.base import Source, SourceLost
-from doorway3ds.types import Decision, Frame, Perception, Reason
+from doorway3ds.types import Decision, Reason
 from doorway3ds.web.base.metrics import Metrics
-from doorway3ds.web.serve.choice import Fields, Pipelines, Viewpoint, viewpoint
+from doorway3ds.web.serve.choice import Fields, Pipelines, source_frame
 from doorway3ds.web.serve.settings import Settings
 from doorway3ds.web.serve.view import view_of
 
@@ -34,24 +34,6 @@ _RATE_S = 2.0  # over which frames a second are averaged
 _WAIT_S = 0.5  # for a frame, before the state says that none comes
 
 log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class _Setup:
-    """By what is decided, as one value: another thread may put a new one in its place."""
-
-    pipeline: Pipeline
-    viewpoint: Viewpoint | None
-    tracker: Tracker
-
-
-@dataclass(frozen=True)
-class _Seen:
-    """A frame, what the network saw in it, and by what to decide."""
-
-    frame: Frame
-    perception: Perception
-    setup: _Setup
 
 
 @dataclass(frozen=True)
@@ -115,11 +97,11 @@ class Live:
         self._pipelines = pipelines
         self._settings = settings
         self._metrics = metrics
-        self._setup = _Setup(pipelines.get(self.fields), None, Tracker())
+        self._pipeline = pipelines.get(self.fields)
+        self._session: Session | None = None
         self._ring: OrderedDict[int, Snapshot] = OrderedDict()
         self._count = 0
         self._rate = 0.0
-        self._source: Source | None = None
         self._stopping = threading.Event()
         self._released = False
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -140,8 +122,8 @@ class Live:
     def stop(self) -> None:
         """Ends the thread and wakes everybody who waits."""
         self._stopping.set()
-        if self._source is not None:
-            self._source.close()
+        if self._session is not None:
+            self._session.source.close()
         self._thread.join(timeout=5)
         self._enter("stopped", None)
 
@@ -151,14 +133,17 @@ class Live:
         Raises ApiError or UserError where they cannot be used; the old ones then stay.
         """
         pipeline = self._pipelines.get(fields)
-        given = fields.model_dump(exclude_none=True)
-        posed = {"camera", "fov_deg", "height_m", "pitch_deg", "roll_deg"} & set(given)
-        view = viewpoint(fields, self._settings) if posed else None
-        self._setup, self.fields = _Setup(pipeline, view, Tracker()), fields
+        self._pipeline, self.fields = pipeline, fields
+        if self._session is not None:
+            self._adopt(self._session)
+
+    def _adopt(self, session: Session) -> None:
+        adapt = partial(source_frame, fields=self.fields, usual=self._settings.camera)
+        session.use(self._pipeline, adapt)
 
     @property
     def skipped(self) -> int:
-        return 0 if self._source is None else self._source.skipped
+        return 0 if self._session is None else self._session.source.skipped
 
     @property
     def frames(self) -> int:
@@ -189,69 +174,61 @@ class Live:
 
     def _run(self) -> None:
         try:
-            with self._start() as source, Feed(source, self._see) as feed:
-                self._source = source
+            with (
+                self._start() as source,
+                Session(source, self._pipeline, prefetch=False) as session,
+            ):
+                self._session = session
+                self._adopt(session)  # another thread may have changed them meanwhile
                 last = time.monotonic()
-                while not feed.ended and not self._stopping.is_set():
+                while not session.ended and not self._stopping.is_set():
                     try:
-                        seen = feed.read(_WAIT_S)
-                        if seen is None:
-                            if feed.silent and not feed.ended:
-                                self._miss(source)
-                            continue
-                        now = time.monotonic()
-                        self._measure(now - last)
-                        last = now
-                        self._keep(self._decide(seen))
-                        self._enter("running", None)
+                        update = session.read(_WAIT_S)
+                        if update is not None and update.fresh:
+                            now = time.monotonic()
+                            self._measure(now - last)
+                            last = now
+                            self._metrics.decided(
+                                "source", str(update.raw.reason), update.raw.timings_ms
+                            )
+                            self._keep(update, self._rate)
+                            self._enter("running", None)
+                        elif session.silent:
+                            self._miss(update, source.problem)
                     except SourceLost:
                         raise
                     except UserError as error:  # of this picture alone
                         self._enter("waiting", str(error))
                 self._enter("ended", f"{self.name} has ended")
         except UserError as error:
-            self._lose()
-            self._enter("lost", str(error))
+            self._lose(str(error))
         except Exception:
             # The page must say so: a thread that dies in silence looks like a door that stands.
             log.exception("the source's thread failed")
-            self._lose()
-            self._enter("lost", "the server failed on a picture; see its log")
+            self._lose("the server failed on a picture; see its log")
 
     def _measure(self, gap_s: float) -> None:
         weight = min(1.0, gap_s / _RATE_S)
         self._rate += weight * (1.0 / max(gap_s, 1e-3) - self._rate)
 
-    def _see(self, frame: Frame, _: str) -> _Seen:
-        """The network's part, in the feed's thread."""
-        setup = self._setup
-        if setup.viewpoint is not None:
-            camera = setup.viewpoint.fit(frame.camera.width, frame.camera.height, None)
-            frame = replace(frame, camera=camera, pose=setup.viewpoint.pose)
-        return _Seen(frame, setup.pipeline.perceive(frame), setup)
-
-    def _decide(self, seen: _Seen) -> Snapshot:
-        decision = seen.setup.pipeline.conclude(seen.frame, seen.perception)
-        self._metrics.decided("source", str(decision.reason), decision.timings_ms)
-        tracked = seen.setup.tracker.update(decision)
-        return Snapshot(self._count + 1, decision, tracked, self._rate)
-
-    def _miss(self, source: Source) -> None:
+    def _miss(self, silent: Update | None, problem: str | None) -> None:
         """No picture came in time: what was seen last must not stand for long."""
         newest = self.newest
-        if source.live and newest is not None and newest.decision.reason is not Reason.LOST:
-            tracked = self._setup.tracker.without_picture(time.monotonic())
-            if tracked is not None and tracked.decision.reason is Reason.LOST:
-                self._keep(Snapshot(self._count + 1, tracked.decision, tracked, 0.0))
-        self._enter("waiting", source.problem or "no picture comes")
+        if silent is not None and newest and newest.decision.reason is not Reason.LOST:
+            self._keep(silent, 0.0)
+        self._enter("waiting", problem or "no picture comes")
 
-    def _lose(self) -> None:
+    def _lose(self, problem: str) -> None:
         """No further picture will come, though it should."""
-        tracked = self._setup.tracker.without_picture(float("inf"))
-        if tracked is not None:
-            self._keep(Snapshot(self._count + 1, tracked.decision, tracked, 0.0))
+        lost = None if self._session is None else self._session.lost()
+        if lost is not None:
+            self._keep(lost, 0.0)
+        self._enter("lost", problem)
 
-    def _keep(self, snapshot: Snapshot) -> None:
+    def _keep(self, update: Update, rate: float) -> None:
+        tracked = update.tracked
+        decision = update.raw if update.fresh else update.decision
+        snapshot = Snapshot(self._count + 1, decision, tracked, rate)
         self._ring[snapshot.number] = snapshot
         self._count = snapshot.number
         self._ring.pop(snapshot.number - _KEPT, None)

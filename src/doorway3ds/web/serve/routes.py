@@ -14,18 +14,17 @@ from fastapi import APIRouter, Body, Depends, Query, Request, Response
 from fastapi.responses import StreamingResponse
 
 from doorway3ds import __version__
-from doorway3ds.camera.choice import turned_camera
 from doorway3ds.camera.presets import PRESETS
 from doorway3ds.decide.pipeline import NEEDS
 from doorway3ds.draw import annotate
 from doorway3ds.images.codec import encode_jpeg, read_image
-from doorway3ds.types import Decision, Frame
+from doorway3ds.types import Decision
 from doorway3ds.web.base.errors import ApiError, busy
 from doorway3ds.web.base.routes import json_answer
 from doorway3ds.web.base.schemas import errors
 from doorway3ds.web.serve import schemas
 from doorway3ds.web.serve.body import Upload, read_upload
-from doorway3ds.web.serve.choice import DecideFields, SourceFields, viewpoint
+from doorway3ds.web.serve.choice import DecideFields, SourceFields, upload_frame
 from doorway3ds.web.serve.live import Live, Snapshot
 from doorway3ds.web.serve.state import ServeState, serve_state
 from doorway3ds.web.serve.view import view_of
@@ -90,10 +89,8 @@ def _look(upload: Upload, state: ServeState) -> Decision:
     name = upload.shown or "the image"
     picture = read_image(upload.data, name=name, max_pixels=state.settings.limits.max_pixels)
     decoded = (time.perf_counter() - start) * 1e3
-    height, width = picture.image.shape[:2]
-    place = viewpoint(upload.fields, state.settings)
-    camera = turned_camera(place.fit, width, height, picture.focal_35mm, picture.orientation)
-    decision = pipeline.decide(Frame(picture.image, camera, place.pose))
+    frame = upload_frame(picture, upload.fields, state.settings.camera)
+    decision = pipeline.decide(frame)
     return replace(decision, timings_ms={"decode": decoded, **decision.timings_ms})
 
 
@@ -267,8 +264,8 @@ async def info(state: State) -> Response:
     return json_answer(
         {
             "version": __version__,
-            "method": settings.method,
-            "network": settings.network,
+            "method": settings.decide.method,
+            "network": settings.decide.network,
             "methods": list(NEEDS),
             "networks": [
                 {"name": name, "methods": state.pipelines.methods(name)}
@@ -278,7 +275,7 @@ async def info(state: State) -> Response:
                 {"name": name, "hfov_deg": camera.hfov_deg, "vfov_deg": camera.vfov_deg}
                 for name, (camera, _) in PRESETS.items()
             ],
-            "camera_given": settings.camera is not None,
+            "camera_given": settings.camera.given,
             "limits": {
                 "max_bytes": limits.max_bytes,
                 "max_pixels": limits.max_pixels,

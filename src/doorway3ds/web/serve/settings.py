@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from doorway3ds.camera.model import Pose
-from doorway3ds.sources.base import CameraFor
+from doorway3ds.camera.choice import CameraChoice
+from doorway3ds.decide.options import DecideOptions
 from doorway3ds.web.base.settings import ServerSettings
 
 
@@ -13,15 +13,8 @@ from doorway3ds.web.base.settings import ServerSettings
 class Settings(ServerSettings):
     """How decisions are made.
 
-    method, network: used if a request names none. threads: of one network, None for its own
-        choice.
-    camera, pose: of pictures that come without; None: from EXIF, else assumed.
+    decide: used unless a request says otherwise. camera: of images that come without one.
     """
 
-    method: str = "opening"
-    network: str = "doornet"
-    threads: int | None = None
-    camera: CameraFor | None = None
-    pose: Pose = field(default_factory=Pose)
-    width_m: float | None = None
-    max_unseen_m: float | None = None
+    decide: DecideOptions = field(default_factory=DecideOptions)
+    camera: CameraChoice = field(default_factory=CameraChoice)

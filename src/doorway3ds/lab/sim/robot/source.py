@@ -56,6 +56,7 @@ class SimSource(Source):
     def __init__(self, name: str, world: World, view: View, resolution: str = "vga") -> None:
         super().__init__(name)
         self.world, self._view = world, view
+        self.truth = TruthNetwork(world)
         self._size = SIZES[resolution]
 
     def read(self, timeout_s: float | None = None) -> Frame | None:
@@ -79,10 +80,8 @@ class TruthNetwork:
     name = "truth"
     gives = frozenset({"p_open", "columns", "depth", "floor"})
 
-    def __init__(self, source: Source) -> None:
-        if not isinstance(source, SimSource):
-            raise UserError(f"network truth needs a sim:// source, and this one is {source.name}")
-        self._world = source.world
+    def __init__(self, world: World) -> None:
+        self._world = world
 
     def __call__(self, image: NDArray[np.uint8], camera: Camera) -> Perception:
         from doorway3ds.lab.sim.pictures.perceive import perceive
