@@ -89,6 +89,14 @@ def test_a_silent_camera_is_reported_once_and_decides_lost() -> None:
     assert session.lost() is not None
 
 
+def test_a_camera_that_falls_silent_after_a_change_is_lost_too() -> None:
+    with Session(Script(1, live=True), Pipeline(Door())) as session:
+        assert session.read(5) is not None
+        session.use(Pipeline(Door()))
+        update = next(iter(session))
+    assert update.decision.reason is Reason.LOST
+
+
 def test_a_lost_source_raises_and_another_error_does_not_end_the_session() -> None:
     with Session(Script(2, SourceLost("unplugged")), Pipeline(Door())) as session:
         assert [session.read(5) is not None for _ in range(2)] == [True, True]

@@ -97,6 +97,7 @@ class Session:
         self._owns = owns
         self._stopping = threading.Event()
         self._last: Update | None = None
+        self._memory = self._setup.tracker  # of the last frame decided on
         ahead = not source.live if prefetch is None else prefetch
         self._feed = Feed(source, self._see, prefetch=ahead)
 
@@ -127,7 +128,8 @@ class Session:
         seen = self._feed.read(timeout_s)
         if seen is not None:
             decision = seen.setup.pipeline.conclude(seen.frame, seen.perception)
-            tracked = seen.setup.tracker.update(decision, self._turned_deg())
+            self._memory = seen.setup.tracker
+            tracked = self._memory.update(decision, self._turned_deg())
             number = 1 if self._last is None else self._last.number + 1
             self._last = Update(number, seen.name, tracked)
             return self._last
@@ -176,7 +178,7 @@ class Session:
         return _Seen(frame, name, setup.pipeline.perceive(frame), setup)
 
     def _without_picture(self, now_s: float) -> Update | None:
-        silent = self._setup.tracker.without_picture(now_s)
+        silent = self._memory.without_picture(now_s)
         if silent is None or self._last is None or silent.decision.reason is not Reason.LOST:
             return None
         problem = self.source.problem or "no picture comes"

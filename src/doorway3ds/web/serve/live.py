@@ -179,7 +179,8 @@ class Live:
                 Session(source, self._pipeline, prefetch=False) as session,
             ):
                 self._session = session
-                self._adopt(session)  # another thread may have changed them meanwhile
+                if self.fields != Fields():  # changed meanwhile
+                    self._adopt(session)
                 last = time.monotonic()
                 while not session.ended and not self._stopping.is_set():
                     try:
