@@ -87,8 +87,9 @@ def direction(
     answers: Annotated[
         list[Path] | None,
         typer.Option(
-            metavar="FILE",
-            help="Score stored answers (3ds look --json, or --save-answers) instead; repeatable.",
+            metavar="FILE|DIR",
+            help="Score stored answers (3ds look --json, --save-answers, or a folder of "
+            "3ds batch) instead; repeatable.",
         ),
     ] = None,
     truth_depth: Annotated[
