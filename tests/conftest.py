@@ -13,8 +13,14 @@ from doorway3ds.networks import registry
 from tests import factories
 from tests.factories import encode, scene
 
-# Tests of training import torch and keras at their head; the core's tests run without them.
-collect_ignore = [] if find_spec("torch") and find_spec("keras") else ["lab/train"]
+# What the tests of a marker need beside the package; each says so where it is missing.
+EXTRAS = {"train": "torch", "sim": "mujoco", "nao": "qi"}
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    for extra, module in EXTRAS.items():
+        if item.get_closest_marker(extra) and find_spec(module) is None:
+            pytest.skip(f"needs the extra '{extra}': pip install 'doorway3ds[{extra}]'")
 
 
 class Ran(NamedTuple):

@@ -12,8 +12,6 @@ from doorway3ds.lab.datasets.places import Choice
 from doorway3ds.lab.train.paper.srinrun import wanted_rows
 from tests.factories import classes, room, save
 
-pytestmark = pytest.mark.train
-
 
 def test_two_folders(tmp_path: Path) -> None:
     found = read_door_pictures(classes(tmp_path, 3))

@@ -9,8 +9,6 @@ from doorway3ds.lab.datasets import places as groups
 from doorway3ds.lab.datasets.samples import Sample
 from tests.factories import room
 
-pytestmark = pytest.mark.train
-
 
 def test_copies_are_near_and_other_pictures_are_not() -> None:
     rng = np.random.default_rng(0)

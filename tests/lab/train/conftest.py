@@ -7,9 +7,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import onnx
 import pytest
-
-onnx = pytest.importorskip("onnx")
 
 # kernels of MobileNetV2 to its last stage, and of FastDepth, with few channels
 _STAGES = ((4, 1, 1), (4, 2, 2), (8, 3, 2), (8, 4, 2), (8, 3, 1), (8, 3, 2), (8, 1, 1))

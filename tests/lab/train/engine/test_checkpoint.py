@@ -13,8 +13,6 @@ import pytest
 from doorway3ds.errors import UserError
 from doorway3ds.lab.train.engine import checkpoint
 
-pytestmark = pytest.mark.train
-
 # Writes one checkpoint, then hangs in the middle of the next.
 _HANGS = """
 import sys, time

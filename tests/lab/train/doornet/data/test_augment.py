@@ -7,8 +7,6 @@ from doorway3ds.lab.train.doornet.data.augment import AugmentConfig, view
 from doorway3ds.lab.train.doornet.data.samples import Sample, Span
 from doorway3ds.lab.train.doornet.model import CANONICAL_F_PX
 
-pytestmark = pytest.mark.train
-
 FOCAL, WIDTH, HEIGHT = 300.0, 352, 264
 
 
