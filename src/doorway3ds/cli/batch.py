@@ -11,8 +11,8 @@ from typing import Annotated
 import typer
 
 from doorway3ds.camera.options import CameraOptions
-from doorway3ds.cli.shared.bar import RateBar
 from doorway3ds.cli.shared.expand import expand
+from doorway3ds.cli.shared.progress import CountedBar
 from doorway3ds.decide.options import DecideOptions
 from doorway3ds.errors import CallError, UserError
 
@@ -77,7 +77,7 @@ def batch(
     make()  # a wrong network or option is said once, here, and not by every worker
     view = View(choice.fit if choice.given else None, choice.pose_of)
     job = Job(make, view, annotate, depth_dir)
-    with RateBar(lambda: count_items(sources)) as bar:
+    with CountedBar(lambda: count_items(sources)) as bar:
         outcome = run_batch(
             sources,
             out,
@@ -85,7 +85,7 @@ def batch(
             settings,
             workers=workers or available_threads(),
             ray=ray,
-            told=lambda now: bar.show(
+            told=lambda now: bar(
                 now.answered + now.kept + now.errors, f"{now.errors} errors" if now.errors else ""
             ),
         )

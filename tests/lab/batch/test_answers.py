@@ -26,5 +26,5 @@ def test_rows_score_as_lines_do(cli: Cli, nyu: Path) -> None:
 
 
 def test_another_folder_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="no stored answers"):
+    with pytest.raises(UserError, match="the stored answers"):
         read_answers([tmp_path])

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import sys
+import threading
+from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress as RichProgress
+    from rich.progress import ProgressColumn
 
 PACE_S = 3600.0  # time left is told by the pace of so many seconds
 
 
-def bar(*, told: bool = False, console: Console | None = None) -> RichProgress:
+def bar(*, told: bool = False, rate: bool = False, console: Console | None = None) -> RichProgress:
     """Rich's bar and the time left, which leaves nothing behind once it is stopped.
 
     told: instead of the count, the task's fields `name` before it and `text` behind it.
+    rate: steps a second and the task's description, too.
     """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
@@ -25,7 +29,11 @@ def bar(*, told: bool = False, console: Console | None = None) -> RichProgress:
 
     rest = Column(ratio=1, no_wrap=True, overflow="ellipsis")
     name = TextColumn("{task.fields[name]}") if told else MofNCompleteColumn()
-    text = [TextColumn("{task.fields[text]}", markup=False, table_column=rest)] if told else []
+    text: list[ProgressColumn] = []
+    if told:
+        text = [TextColumn("{task.fields[text]}", markup=False, table_column=rest)]
+    if rate:
+        text = [_rate(), TextColumn("{task.description}")]
     return RichProgress(
         name,
         BarColumn(20),
@@ -39,6 +47,17 @@ def bar(*, told: bool = False, console: Console | None = None) -> RichProgress:
         redirect_stderr=False,
         speed_estimate_period=PACE_S,
     )
+
+
+def _rate() -> ProgressColumn:
+    from rich.progress import ProgressColumn, Task
+    from rich.text import Text
+
+    class Rate(ProgressColumn):
+        def render(self, task: Task) -> Text:
+            return Text(f"{task.speed:.0f} a second" if task.speed else "")
+
+    return Rate()
 
 
 class Progress:
@@ -77,5 +96,41 @@ class Progress:
 
     def clear(self) -> None:
         """Takes the bar away."""
+        if self._bar is not None:
+            self._bar.stop()
+
+
+class CountedBar:
+    """A bar over work whose size is counted while it runs, with its rate.
+
+    count: returns the number of steps, or None if that cannot be known; called in a thread.
+    """
+
+    def __init__(self, count: Callable[[], int | None]) -> None:
+        self._count = count
+        self._bar: Any = None
+
+    def __enter__(self) -> CountedBar:
+        if sys.stderr is not None and sys.stderr.isatty():
+            self._bar = bar(rate=True)
+            self._bar.add_task("", total=None)
+            self._bar.start()
+            threading.Thread(target=self._size, daemon=True).start()
+        return self
+
+    def _size(self) -> None:
+        self._bar.update(self._bar.task_ids[0], total=self._count())
+
+    def __call__(self, done: int, about: str = "") -> None:
+        """So many steps are done; `about` is written beside the bar."""
+        if self._bar is not None:
+            self._bar.update(self._bar.task_ids[0], completed=done, description=about)
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         if self._bar is not None:
             self._bar.stop()
