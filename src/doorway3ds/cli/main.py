@@ -20,6 +20,7 @@ _ORDER = (
     "live",
     "serve",
     "run",
+    "ros",
     "replay",
     "batch",
     "calibrate",
@@ -158,7 +159,8 @@ def application(arguments: Sequence[str]):  # type: ignore[no-untyped-def]  # Ty
         if hasattr(module, "app"):
             app.add_typer(module.app, name=name)
         else:
-            app.command(name)(getattr(module, name))
+            context = getattr(module, "CONTEXT", None)
+            app.command(name, context_settings=context)(getattr(module, name))
     command = typer.main.get_command(app)
     tidy(command)
     return command

@@ -1,0 +1,43 @@
+"""`3ds ros`: the ROS 2 node."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+CONTEXT = {"allow_extra_args": True, "ignore_unknown_options": True}
+"""Of the command: what it does not know is ROS's."""
+
+
+def ros(
+    context: typer.Context,
+    parameters: Annotated[
+        bool, typer.Option("--parameters", help="List the parameters and exit.")
+    ] = False,
+) -> None:
+    """Run the ROS 2 node doorway3ds on an image topic until Ctrl-C.
+
+    Topics and parameters are given as ROS does; see docs/ros.md. Nothing moves unless
+    -p move:=true is given, and then only if ~/turn or ~/go is called.
+
+    Example: 3ds ros --ros-args -r image:=/cam/image_raw -r camera_info:=/cam/camera_info
+    """
+    if parameters:
+        _list()
+        return
+    from doorway3ds.cli.shared.signals import ended_by_sigterm
+    from doorway3ds.ros.node import run
+
+    with ended_by_sigterm():
+        run(context.args)
+
+
+def _list() -> None:
+    from doorway3ds.ros.parameters import table
+
+    for name, (kind, default, known) in table().items():
+        shown = "unset" if default is None else default
+        bounds = "" if known.low is None else f", {known.low:g} to {known.high:g}"
+        sys.stdout.write(f"{name} ({kind.__name__}{bounds}; default {shown}): {known.help}\n")
