@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from typing import Any
 
@@ -29,7 +30,6 @@ from doorway3ds.types import Decision, Reason
 
 NAME = "doorway3ds"
 _WAIT_S = 0.25
-_THREADS = 3  # one may turn the base while images, odometry and calls come
 
 
 def run(arguments: Sequence[str]) -> None:
@@ -38,7 +38,7 @@ def run(arguments: Sequence[str]) -> None:
     Raises CallError for arguments or parameters that are wrong.
     """
     import rclpy
-    from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+    from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
     from rclpy.signals import SignalHandlerOptions
 
     try:
@@ -48,32 +48,46 @@ def run(arguments: Sequence[str]) -> None:
         raise CallError(f"ROS refuses {' '.join(arguments)}: {_line(error)}") from error
     with ExitStack() as stack:
         stack.callback(rclpy.try_shutdown)
-        node = rclpy.create_node(NAME)
-        stack.callback(node.destroy_node)
         if (rest := rclpy.utilities.remove_ros_args(list(arguments))) != []:
             raise CallError(f"unexpected {' '.join(rest)}; expected --ros-args and what follows it")
-        doorway = DoorwayNode(node)
-        executor = MultiThreadedExecutor(num_threads=_THREADS)
-        executor.add_node(node)
-
-        def spin() -> None:
-            try:
-                executor.spin()
-            except ExternalShutdownException:
-                return
-
-        spinning = threading.Thread(target=spin, name="ros", daemon=True)
-        stack.callback(spinning.join, 2.0)
-        stack.callback(executor.shutdown, 1.0)
-        stack.callback(doorway.close)
-        spinning.start()
+        node = rclpy.create_node(NAME)
+        stack.callback(node.destroy_node)
+        # A turn takes seconds; calls are answered beside the images, by a node of their own.
+        calls = rclpy.create_node(
+            f"{node.get_name()}_calls", namespace=node.get_namespace(), use_global_arguments=False,
+            start_parameter_services=False, enable_rosout=False,
+        )  # fmt: skip
+        stack.callback(calls.destroy_node)
+        doorway = DoorwayNode(node, calls)
+        stack.enter_context(_spinning(node, SingleThreadedExecutor()))
+        stack.enter_context(_spinning(calls, MultiThreadedExecutor(num_threads=2)))
+        stack.callback(doorway.close)  # before anything else: it stops the base
         doorway.decide()
+
+
+@contextlib.contextmanager
+def _spinning(node: Any, executor: Any) -> Iterator[None]:
+    """The node's callbacks run in a thread."""
+    from rclpy.executors import ExternalShutdownException
+
+    def spin() -> None:
+        with contextlib.suppress(ExternalShutdownException):
+            executor.spin()
+
+    executor.add_node(node)
+    thread = threading.Thread(target=spin, name=node.get_name(), daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        executor.shutdown(1.0)
+        thread.join(2.0)
 
 
 class DoorwayNode:
     """Topics, services and parameters around one session of live use."""
 
-    def __init__(self, node: Any) -> None:
+    def __init__(self, node: Any, calls: Any) -> None:
         self._node = node
         declare(node)
         self._topics = group(node, TopicOptions)
@@ -101,7 +115,7 @@ class DoorwayNode:
         self._session = Session(self._source, pipeline, heading=self._heading)
         self._outputs = Outputs(node, image_topic, self._topics.robot_frame)
         self._subscribe(image_topic, kind)
-        self._serve()
+        self._serve(calls)
         moves = "it turns when asked" if self._move else "nothing moves (move:=false)"
         node.get_logger().info(f"deciding on {image_topic}; {moves}")
 
@@ -143,20 +157,23 @@ class DoorwayNode:
         from sensor_msgs.msg import CameraInfo
 
         newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-        subscribe = self._node.create_subscription
-        subscribe(kind, image_topic, self._source.offer, newest)
-        subscribe(CameraInfo, "camera_info", self._source.calibrate, newest)
-        subscribe(OdometryMessage, "odom", self._odometry.update, newest)
+        for message, topic, take in (
+            (kind, image_topic, self._source.offer),
+            (CameraInfo, "camera_info", self._source.calibrate),
+            (OdometryMessage, "odom", self._odometry.update),
+        ):
+            self._node.create_subscription(message, topic, take, newest)
 
-    def _serve(self) -> None:
+    def _serve(self, calls: Any) -> None:
         from diagnostic_msgs.msg import DiagnosticArray
         from geometry_msgs.msg import PoseStamped
         from rclpy.callback_groups import ReentrantCallbackGroup
         from std_srvs.srv import Trigger
 
         node, beside = self._node, ReentrantCallbackGroup()
-        node.create_service(Trigger, "~/turn", self._on_turn, callback_group=beside)
-        node.create_service(Trigger, "~/go", self._on_go, callback_group=beside)
+        for name, answer in (("turn", self._on_turn), ("go", self._on_go)):
+            service = f"{node.get_fully_qualified_name()}/{name}"
+            calls.create_service(Trigger, service, answer, callback_group=beside)
         self._goals = node.create_publisher(PoseStamped, "goal_pose", 1) if self._move else None
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         node.create_timer(1.0, self._diagnose)

@@ -18,13 +18,16 @@ class Outputs:
 
     def __init__(self, node: Any, image_topic: str, robot_frame: str) -> None:
         from geometry_msgs.msg import PolygonStamped, PoseStamped
+        from rclpy.event_handler import PublisherEventCallbacks
         from sensor_msgs.msg import CameraInfo, CompressedImage, Image
         from std_msgs.msg import Float64, String
         from visualization_msgs.msg import MarkerArray
 
         self._topic, self._robot_frame = image_topic, robot_frame
+        # Each event that is listened for costs rclpy's executor time with every message.
+        quiet = PublisherEventCallbacks(use_default_callbacks=False)
         self._by_name = {
-            name: node.create_publisher(kind, f"~/{name}", 1)
+            name: node.create_publisher(kind, f"~/{name}", 1, event_callbacks=quiet)
             for name, kind in {
                 "decision": String,
                 "p_open": Float64,
