@@ -22,11 +22,11 @@ from std_srvs.srv import Trigger
 from doorway3ds.camera.model import Camera
 from doorway3ds.ros import messages
 from doorway3ds.ros.messages import ros_message as make
-from tests.pictures import scene
+from tests.factories import scene
 
 SIZE = (160, 120)
 CAMERA = Camera.from_fov(*SIZE, 70.0, name="cam")
-WAIT_S = 20.0  # on a busy machine
+WAIT_S = 60.0  # on a busy machine
 
 
 def python(*arguments: str, environment: dict[str, str]) -> subprocess.Popen[str]:

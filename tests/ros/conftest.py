@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests import tinynets
+from tests import factories
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -39,7 +39,7 @@ def node(tmp_path: Path, peer: Any) -> Iterator[Callable[..., subprocess.Popen[s
     """Starts nodes: node(*parameters, name=None); each must end by Ctrl-C, without a traceback."""
     from tests.ros.bus import ended, start_node
 
-    tinynets.doornet(tmp_path / "net.onnx", left=0.2, right=0.4)
+    factories.doornet(tmp_path / "net.onnx", left=0.2, right=0.4)
     running: list[subprocess.Popen[str]] = []
 
     def start(*parameters: str, name: str | None = None) -> subprocess.Popen[str]:

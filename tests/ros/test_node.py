@@ -45,8 +45,9 @@ def test_it_answers_an_image_topic_with_every_topic(node: Start, peer: Peer) -> 
     peer.hear(DiagnosticArray, "/diagnostics")
     decision = first_decision(peer)
     peer.until(
-        lambda: all(peer.heard[f"/doorway3ds/{name}"] for name in kinds)
-        and peer.heard["/diagnostics"],
+        lambda: (
+            all(peer.heard[f"/doorway3ds/{name}"] for name in kinds) and peer.heard["/diagnostics"]
+        ),
         peer.image,
     )
     assert decision["camera"]["assumed"] is False and decision["frame_id"] == "lens"
@@ -129,7 +130,9 @@ def test_a_clock_that_goes_backwards(node: Start, peer: Peer) -> None:
 
     def show() -> None:
         clock["s"] += 0.1
-        peer.publish("/clock", make("rosgraph_msgs/msg/Clock", clock=messages.time_of(make, clock["s"])))
+        peer.publish(
+            "/clock", make("rosgraph_msgs/msg/Clock", clock=messages.time_of(make, clock["s"]))
+        )
         time.sleep(0.02)
         peer.image(stamp_s=clock["s"])
 
@@ -187,8 +190,9 @@ def test_two_nodes_side_by_side(node: Start, peer: Peer) -> None:
     peer.hear(String, "/doorway3ds/decision")
     peer.hear(String, "/second/decision")
     peer.until(
-        lambda: len(peer.heard["/doorway3ds/decision"]) > 3
-        and len(peer.heard["/second/decision"]) > 3,
+        lambda: (
+            len(peer.heard["/doorway3ds/decision"]) > 3 and len(peer.heard["/second/decision"]) > 3
+        ),
         peer.image,
     )
 

@@ -46,9 +46,7 @@ def test_it_faces_the_doorway_within_three_degrees(peer: Peer, gl: Any) -> None:
         peer.until(lambda: world.lines and world.lines[-1].startswith("{"), seconds=START_S)
         begun = world.last()
         assert min(abs(one) for one in begun["doors"]) > 10  # it does not face it yet
-        placed = {
-            name: begun["pose"][name] for name in ("height_m", "pitch_deg", "forward_m")
-        }
+        placed = {name: begun["pose"][name] for name in ("height_m", "pitch_deg", "forward_m")}
         given = ["move:=true", "threads:=1", "ttl_s:=5.0", "image_timeout_s:=5.0"]
         given += [f"{name}:={float(value):.6f}" for name, value in placed.items()]
         arguments = [part for one in given for part in ("-p", one)]

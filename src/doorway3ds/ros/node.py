@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from typing import Any
 
 from doorway3ds.camera.choice import choose_camera
@@ -198,20 +199,17 @@ class DoorwayNode:
 
     def _pose(self, message: Any) -> Pose:
         """By tf2 if it knows the camera's frame, else by the parameters as they are now."""
-        mount = group(self._node, MountOptions)
-        measured = None
         if self._transforms is not None:
-            measured = self._transforms(self._topics.robot_frame, message.header)
-        if measured is not None:
-            return measured
+            measured: Pose | None = self._transforms(self._topics.robot_frame, message.header)
+            if measured is not None:
+                return measured
+        mount = group(self._node, MountOptions)
         placed = {
             name: value
-            for name in ("height_m", "pitch_deg", "roll_deg")
+            for name in ("height_m", "pitch_deg", "roll_deg", "yaw_deg", "forward_m", "left_m")
             if (value := getattr(mount, name)) is not None
         }
-        given = {"yaw_deg": mount.yaw_deg, "forward_m": mount.forward_m, "left_m": mount.left_m}
-        placed |= {name: value for name, value in given.items() if value}
-        return Pose(**{**vars(self._preset), **placed})
+        return replace(self._preset, **placed)
 
     def _heading(self) -> float | None:
         where = self._odometry.pose(0.5)

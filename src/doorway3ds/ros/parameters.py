@@ -37,9 +37,13 @@ class TopicOptions(Options):
 class MountOptions(CameraOptions):
     """The camera and where it sits, as far as camera_info and tf2 do not tell."""
 
-    yaw_deg: float = setting(0.0, "Yaw of the camera, + left.", low=-180, high=180)
-    forward_m: float = setting(0.0, "Lens in front of the turning axis.", low=-5, high=5)
-    left_m: float = setting(0.0, "Lens to the left of the turning axis.", low=-5, high=5)
+    yaw_deg: float | None = setting(None, "Yaw of the camera, + left.", low=-180, high=180)
+    forward_m: float | None = setting(
+        None, "Distance of the lens in front of the turning axis.", low=-5, high=5
+    )
+    left_m: float | None = setting(
+        None, "Distance of the lens to the left of the turning axis.", low=-5, high=5
+    )
 
 
 @dataclass(frozen=True)
