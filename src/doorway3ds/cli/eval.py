@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 import json
-import shlex
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -12,11 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from doorway3ds.camera.options import LensOptions
+from doorway3ds.cli.shared.expand import expand
 from doorway3ds.cli.shared.options import Mirror
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.tables import print_tables
+from doorway3ds.cli.shared.training import command_line, say
 from doorway3ds.errors import CallError
+from doorway3ds.lab.evaluate.options import DataOptions, MarkOptions, ReportOptions
 
 if TYPE_CHECKING:
     from doorway3ds.lab.datasets.samples import Dataset, Sample
@@ -33,10 +34,6 @@ app = typer.Typer(
 Data = Annotated[
     Path, typer.Argument(help="Folder with doorways.csv, boxes.csv or a folder per class.")
 ]
-Layout = Annotated[
-    str | None,
-    typer.Option(help="nyu, rendered, plain, boxes or folders; told from the files if left out."),
-]
 Networks = Annotated[
     list[str] | None,
     typer.Option(
@@ -45,42 +42,14 @@ Networks = Annotated[
         "[default: doornet]",
     ),
 ]
-Split = Annotated[
-    str | None, typer.Option(metavar="K/N", help="Only fold K of N of the places, K from 1.")
-]
-Folds = Annotated[
-    int | None,
-    typer.Option(metavar="N", help="All N folds, each by its own network ({k} in --network)."),
-]
-Images = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="Only the pictures named in it, one a line.")
-]
-Places = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE", help="CSV with columns image, place: which belong together."),
-]
-CameraOption = Annotated[
-    str | None,
-    typer.Option("--camera", metavar="PRESET|FILE", help="Where the pictures bring none."),
-]
-FovOption = Annotated[
-    float | None, typer.Option("--fov-deg", metavar="D", help="Horizontal, instead of --camera.")
-]
-MinConfidence = Annotated[
-    int, typer.Option(min=1, max=3, help="Leave marks below this confidence out.")
-]
-Repeats = Annotated[int, typer.Option(min=0, help="Bootstrap resamples; 0 = no intervals.")]
-Out = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="Write report.html, report.json and PNGs there.")
-]
-Json = Annotated[
-    Path | None, typer.Option("--json", metavar="FILE", help="Write the numbers; - = standard out.")
-]
 
 
 @app.command()
+@expand
 def direction(
     data: Data,
+    pictures: MarkOptions,
+    report: ReportOptions,
     method: Annotated[str, typer.Option(help="Methods, by commas.")] = "opening,paper",
     network: Networks = None,
     mirror: Mirror = False,
@@ -98,17 +67,6 @@ def direction(
     no_gate: Annotated[
         bool, typer.Option("--no-gate", help="Take every picture for one with a doorway.")
     ] = False,
-    layout: Layout = None,
-    split: Split = None,
-    folds: Folds = None,
-    images: Images = None,
-    places: Places = None,
-    camera: CameraOption = None,
-    fov_deg: FovOption = None,
-    min_confidence: MinConfidence = 1,
-    repeats: Repeats = 2000,
-    out: Out = None,
-    json_file: Json = None,
     save_answers: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write every answer, one object a line.")
     ] = None,
@@ -125,18 +83,18 @@ def direction(
     from doorway3ds.lab.evaluate.report import pages
     from doorway3ds.networks.mirrored import Mirrored
 
-    dataset = _dataset(data, layout, places, LensOptions(camera, fov_deg), min_confidence)
+    dataset = _dataset(data, pictures)
     runs = runners.DirectionRuns()
     if answers:
-        if network or mirror or truth_depth or no_gate or folds:
+        if network or mirror or truth_depth or no_gate or pictures.folds:
             raise CallError("--answers scores what is stored; leave the network's options out")
-        chosen, _ = next(_parts(dataset, split, None, images))
+        chosen, _ = next(_parts(dataset, pictures))
         dataset = chosen
         runs = runners.match_answers(_progress(chosen.samples), runners.read_answers(answers))
     else:
         methods = [name.strip() for name in method.split(",")]
         names = network or ["doornet"]
-        for part, k in _parts(dataset, split, folds, images):
+        for part, k in _parts(dataset, pictures):
             for name in names:
                 loaded = None if name == "none" else _network(name, k)
                 if loaded is not None and mirror:
@@ -145,39 +103,31 @@ def direction(
                 answer = runners.methods_on(loaded, label, methods, truth_depth, no_gate)
                 known = loaded is not None and not no_gate
                 runs.add(runners.run_direction(_progress(part.samples), answer, known))
-    scored = {label: scores.score(r, repeats) for label, r in runs.records.items()}
-    differences = pages.direction_differences(runs.records, repeats)
-    by_kind = {label: kinds.score(r, repeats) for label, r in runs.records.items()}
+    scored = {label: scores.score(r, report.repeats) for label, r in runs.records.items()}
+    differences = pages.direction_differences(runs.records, report.repeats)
+    by_kind = {label: kinds.score(r, report.repeats) for label, r in runs.records.items()}
     result = pages.direction_json(scored, differences, by_kind)
     minus = pages.difference_table(differences, next(iter(scored)))
     tables = [pages.direction_table(scored), *([minus] if minus else [])]
     tables += pages.kind_tables(by_kind)
     if save_answers is not None:
         _write_answers(save_answers, runs)
-    report = _report("Direction", dataset, runs.left_out, tables)
-    if out is not None:
+    page = _page("Direction", dataset, runs.left_out, tables)
+    if report.out is not None:
         samples = {s.name: s for s in dataset.samples}
-        pages.add_direction_pictures(report, samples, runs.records, scored)
-    _finish(report, result, out, json_file)
+        pages.add_direction_pictures(page, samples, runs.records, scored)
+    _finish(page, result, report)
 
 
 @app.command()
+@expand
 def classifier(
     data: Data,
+    pictures: MarkOptions,
+    report: ReportOptions,
     network: Networks = None,
     mirror: Mirror = False,
     threshold: Annotated[float, typer.Option(min=0, max=1, help="Open from here on.")] = 0.5,
-    layout: Layout = None,
-    split: Split = None,
-    folds: Folds = None,
-    images: Images = None,
-    places: Places = None,
-    camera: CameraOption = None,
-    fov_deg: FovOption = None,
-    min_confidence: MinConfidence = 1,
-    repeats: Repeats = 2000,
-    out: Out = None,
-    json_file: Json = None,
 ) -> None:
     """p_open against open or not: accuracy, AUC, calibration, false alarms by kind."""
     from doorway3ds.lab.evaluate import classifier as scores
@@ -185,10 +135,10 @@ def classifier(
     from doorway3ds.lab.evaluate.report import pages
     from doorway3ds.networks.mirrored import Mirrored
 
-    dataset = _dataset(data, layout, places, LensOptions(camera, fov_deg), min_confidence)
+    dataset = _dataset(data, pictures)
     records: dict[str, list[scores.ClassifierRecord]] = {}
     left_out: dict[str, str] = {}
-    for part, k in _parts(dataset, split, folds, images):
+    for part, k in _parts(dataset, pictures):
         loaded = {name: _network(name, k, ["p_open"]) for name in network or ["doornet"]}
         if mirror:
             loaded = {f"{name}, mirrored average": Mirrored(n) for name, n in loaded.items()}
@@ -196,46 +146,39 @@ def classifier(
         left_out |= missing
         for name, column in new.items():
             records.setdefault(name, []).extend(column)
-    scored = {name: scores.score(r, threshold, repeats) for name, r in records.items()}
+    scored = {name: scores.score(r, threshold, report.repeats) for name, r in records.items()}
     result = {
         "task": "classifier",
         "runs": [{"network": name, **s.to_dict()} for name, s in scored.items()],
     }
-    report = _report("Classifier", dataset, left_out, [pages.classifier_table(scored)])
-    if out is not None:
+    page = _page("Classifier", dataset, left_out, [pages.classifier_table(scored)])
+    if report.out is not None:
         samples = {s.name: s for s in dataset.samples}
-        pages.add_classifier_pictures(report, samples, records, scored)
-    _finish(report, result, out, json_file)
+        pages.add_classifier_pictures(page, samples, records, scored)
+    _finish(page, result, report)
 
 
 @app.command()
+@expand
 def depth(
     data: Data,
+    pictures: DataOptions,
+    report: ReportOptions,
     network: Networks = None,
     mirror: Annotated[
         bool, typer.Option("--mirror", help="Also the average of both mirrorings.")
     ] = False,
-    layout: Layout = None,
-    split: Split = None,
-    folds: Folds = None,
-    images: Images = None,
-    places: Places = None,
-    camera: CameraOption = None,
-    fov_deg: FovOption = None,
-    repeats: Repeats = 2000,
-    out: Out = None,
-    json_file: Json = None,
 ) -> None:
     """delta1-3, AbsRel, RMSE and log10, over the whole picture and the Eigen crop."""
     from doorway3ds.lab.evaluate import depth as scores
     from doorway3ds.lab.evaluate import runners
     from doorway3ds.lab.evaluate.report import pages
 
-    dataset = _dataset(data, layout, places, LensOptions(camera, fov_deg), 1)
+    dataset = _dataset(data, pictures)
     records: dict[runners.Protocol, list[scores.DepthRecord]] = {}
     left_out: dict[str, str] = {}
     networks_of: dict[tuple[str, str], Network] = {}
-    for part, k in _parts(dataset, split, folds, images):
+    for part, k in _parts(dataset, pictures):
         loaded = {name: _network(name, k, ["depth"]) for name in network or ["doornet"]}
         new, missing = runners.run_depth(_progress(part.samples), loaded, mirror)
         left_out |= missing
@@ -243,36 +186,35 @@ def depth(
             records.setdefault(protocol, []).extend(column)
             network_of = loaded[protocol.network]
             networks_of |= {(protocol.network, r.image): network_of for r in column}
-    scored = {protocol: scores.score(r, repeats) for protocol, r in records.items()}
-    report = _report("Depth", dataset, left_out, [pages.depth_table(scored)])
-    if out is not None:
+    scored = {protocol: scores.score(r, report.repeats) for protocol, r in records.items()}
+    page = _page("Depth", dataset, left_out, [pages.depth_table(scored)])
+    if report.out is not None:
         worst = runners.worst_depth(dataset.samples, records, networks_of, pages.WORST // 2)
-        pages.add_depth_pictures(report, records, worst)
-    _finish(report, pages.depth_json(scored), out, json_file)
+        pages.add_depth_pictures(page, records, worst)
+    _finish(page, pages.depth_json(scored), report)
 
 
-def _dataset(
-    data: Path, layout: str | None, places: Path | None, options: LensOptions, confidence: int
-) -> Dataset:
+def _dataset(data: Path, options: DataOptions) -> Dataset:
     from doorway3ds.camera.choice import choose_camera
     from doorway3ds.lab.datasets import readers
     from doorway3ds.lab.datasets import samples as datasets
 
-    of_image = None if places is None else readers.read_places(places)
-    dataset = datasets.at_least(readers.read_dataset(data, layout, of_image), confidence)
-    if options == LensOptions():
+    of_image = None if options.places is None else readers.read_places(options.places)
+    dataset = readers.read_dataset(data, options.layout, of_image)
+    if isinstance(options, MarkOptions):
+        dataset = datasets.at_least(dataset, options.min_confidence)
+    if options.camera is None and options.fov_deg is None:
         return dataset
     choice = choose_camera(options)
     return datasets.with_camera(dataset, choice.fit, choice.pose)
 
 
-def _parts(
-    dataset: Dataset, split: str | None, folds: int | None, images: Path | None
-) -> Iterator[tuple[Dataset, int | None]]:
+def _parts(dataset: Dataset, options: DataOptions) -> Iterator[tuple[Dataset, int | None]]:
     """The selected samples, fold by fold where folds are asked for, with the fold from 1."""
     from doorway3ds.errors import UserError
     from doorway3ds.lab.datasets import samples as datasets
 
+    split, folds, images = options.split, options.folds, options.images
     if sum(option is not None for option in (split, folds, images)) > 1:
         raise CallError("--split, --folds and --images choose the pictures; give one of them")
     if folds is not None:
@@ -314,14 +256,14 @@ def _write_answers(path: Path, runs: DirectionRuns) -> None:
     write_bytes(path, ("\n".join(lines) + "\n").encode())
 
 
-def _report(
+def _page(
     title: str, dataset: Dataset, left_out: dict[str, str], tables: Sequence[Table]
 ) -> Report:
     from doorway3ds.lab.evaluate.report.html import Report
 
     facts = {
         "data": f"{dataset.path} ({dataset.layout})",
-        "command": shlex.join(["3ds", *sys.argv[1:]]),
+        "command": command_line(),
         "date": datetime.date.today().isoformat(),
     }
     if not dataset.places_known:
@@ -334,24 +276,21 @@ def _report(
     return Report(f"{title} on {dataset.path.name}", facts, list(tables))
 
 
-def _finish(
-    report: Report, result: dict[str, Any], out: Path | None, json_file: Path | None
-) -> None:
+def _finish(page: Report, result: dict[str, Any], options: ReportOptions) -> None:
     from rich.console import Console
 
     from doorway3ds.lab.evaluate.report.html import write_json, write_report
 
-    result = {**report.facts, **result}
-    if out is not None:
-        page = write_report(report, out, result)
-        Console(stderr=True).print(f"wrote {page}", soft_wrap=True, highlight=False, markup=False)
-    if json_file is not None and str(json_file) == "-":
+    result = {**page.facts, **result}
+    if options.out is not None:
+        say(f"wrote {write_report(page, options.out, result)}")
+    if str(options.json_file) == "-":
         sys.stdout.write(json.dumps(result, allow_nan=False) + "\n")
         return
-    if json_file is not None:
-        write_json(json_file, result)
+    if options.json_file is not None:
+        write_json(options.json_file, result)
     console = Console()
-    print_tables(console, report.tables)
+    print_tables(console, page.tables)
     for name in ("places", "marks", "left out"):
-        if name in report.facts:
-            console.print(f"{name}: {report.facts[name]}", highlight=False, markup=False)
+        if name in page.facts:
+            console.print(f"{name}: {page.facts[name]}", highlight=False, markup=False)

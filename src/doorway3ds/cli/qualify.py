@@ -10,18 +10,10 @@ import typer
 
 from doorway3ds.camera.options import LensOptions
 from doorway3ds.cli.shared.expand import expand
-from doorway3ds.cli.shared.options import (
-    Batch,
-    Group,
-    HalfOpen,
-    Licence,
-    Pattern,
-    PlacesFile,
-    TrainThreads,
-)
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.training import Watch, command_line, say
 from doorway3ds.errors import CallError
+from doorway3ds.lab.train.options import SiteOptions
 
 _STOPPED = 130
 
@@ -33,6 +25,7 @@ def qualify(
         typer.Argument(help="Your pictures: open-door/ and no-door/, or doorways.csv, or both."),
     ],
     camera: LensOptions,
+    site: SiteOptions,
     network: Annotated[
         str, typer.Option(metavar="NAME|FILE", help="What to start from: doornet or a site model.")
     ] = "doornet",
@@ -59,15 +52,13 @@ def qualify(
     learning_rate: Annotated[float, typer.Option(help="Of the heads; the decoder's a third.")] = (
         3e-4
     ),
-    batch: Batch = 8,
-    group: Group = "auto",
-    group_pattern: Pattern = None,
-    places: PlacesFile = None,
-    half_open: HalfOpen = "leave-out",
+    batch: Annotated[int, typer.Option(min=1, help="Pictures per step.")] = 8,
     repeats: Annotated[int, typer.Option(min=100, help="Bootstrap resamples.")] = 2000,
     seed: int = 0,
-    licence: Licence = None,
-    threads: TrainThreads = None,
+    licence: Annotated[
+        str | None, typer.Option(help="Licence of the pictures; noted on the card.")
+    ] = None,
+    threads: Annotated[int | None, typer.Option(min=1, help="CPU threads; default: all.")] = None,
 ) -> None:
     """Measure the network at your site, fine-tune it on your pictures, keep it if it is better.
 
@@ -78,8 +69,6 @@ def qualify(
     if not learning_rate > 0:
         raise CallError(f"--learning-rate must be above 0, got {learning_rate:g}")
     from doorway3ds.camera.choice import choose_camera
-    from doorway3ds.lab.datasets.places import Choice
-    from doorway3ds.lab.datasets.readers import read_places
     from doorway3ds.lab.train.engine import backend as engine
     from doorway3ds.lab.train.engine import outcome
     from doorway3ds.lab.train.site.fit import TuneOptions
@@ -94,8 +83,8 @@ def qualify(
     try:
         pictures = read_site(
             folder,
-            Choice(group, group_pattern, half_open),
-            places=None if places is None else read_places(places),
+            site.choice(seed),
+            places=site.read_places(),
             camera=None if chosen is None else (chosen.fit, chosen.pose),
             seen=count,
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import json
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,33 +13,25 @@ import typer
 
 from doorway3ds.camera.options import LensOptions
 from doorway3ds.cli.shared.expand import expand
-from doorway3ds.cli.shared.options import (
-    EvalLayout,
-    Group,
-    HalfOpen,
-    Network,
-    Pattern,
-    PerClass,
-    PlacesFile,
-    TrainThreads,
-    Validation,
-    Weights,
-)
+from doorway3ds.cli.shared.options import Network
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.tables import print_tables
 from doorway3ds.cli.shared.training import Watch, command_line, say
 from doorway3ds.errors import CallError
+from doorway3ds.lab.train.options import ClassOptions, SrinOptions, StartOptions
 
 if TYPE_CHECKING:
     from doorway3ds.lab.datasets.doors import DoorPictures
     from doorway3ds.lab.evaluate.paper.reproduce import Answer
     from doorway3ds.lab.evaluate.report.html import Report
-    from doorway3ds.lab.train.paper.srinrun import EpochScores, SrinOptions
+    from doorway3ds.lab.train.paper.srinrun import EpochScores
 
 
 @expand
 def reproduce(
     camera: LensOptions,
+    classes: ClassOptions,
+    training: StartOptions,
     pictures: Annotated[
         Path | None,
         typer.Option(
@@ -52,16 +45,7 @@ def reproduce(
             metavar="DATASET", help="Train CNN-SRIN on it for 10, 20 and 30 epochs; needs --out."
         ),
     ] = None,
-    weights: Weights = "imagenet",
-    validation: Validation = 0.2,
-    group: Group = "auto",
-    group_pattern: Pattern = None,
-    places: PlacesFile = None,
-    half_open: HalfOpen = "leave-out",
-    layout: EvalLayout = None,
-    limit: PerClass = None,
-    seed: int = 0,
-    threads: TrainThreads = None,
+    threads: Annotated[int | None, typer.Option(min=1, help="CPU threads; default: all.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object instead.")] = False,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write report.html, report.json, PNGs there.")
@@ -105,31 +89,28 @@ def reproduce(
     scored, curve = None, b""
     if dataset is not None and out is not None:
         from doorway3ds.lab.datasets.doors import read_door_pictures
-        from doorway3ds.lab.datasets.places import Choice
-        from doorway3ds.lab.datasets.readers import read_places
-        from doorway3ds.lab.train.paper.srinrun import SrinOptions
 
         with Progress() as seen:
             found = read_door_pictures(
                 dataset,
-                Choice(group, group_pattern, half_open, limit, seed),
-                layout=layout,
-                places=None if places is None else read_places(places),
+                classes.choice(training.seed),
+                layout=classes.layout,
+                places=classes.read_places(),
                 seen=seen,
             )
-        options = SrinOptions(weights=weights, validation=validation, seed=seed)
+        options = SrinOptions(**asdict(training))
         trained = _train(found, options, out / "cnn-srin")
         facts |= {
             "data": f"{dataset}: {_of_classes(found)}",
             "near-copies across the split": str(trained.leaks),
-            "first weights": weights,
+            "first weights": training.weights,
         }
         scored, curve = trained.scored, outcome.curves(trained.history, "accuracy")
     shown.append(tables.epochs_table(scored))
     notes = [tables.verdict(rows), tables.floor_verdict(printed.ROWS), *printed.NOT_RERUN]
     if answers and here is None:
         notes.append("The twelve pictures lie in no class folders: no counts are made.")
-    if scored is not None and weights == "none":
+    if scored is not None and training.weights == "none":
         notes.append("VGG16 was random (--weights none): its accuracy says nothing of the paper's.")
     report = Report("The paper's experiments, repeated", facts, shown, notes=notes)
     if curve:

@@ -3,33 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from doorway3ds.cli.shared.options import (
-    Batch,
-    Board,
-    Epochs,
-    EvalLayout,
-    Group,
-    HalfOpen,
-    Install,
-    Licence,
-    Patience,
-    Pattern,
-    PerClass,
-    PlacesFile,
-    Precision,
-    Rate,
-    Resume,
-    TrainOut,
-    TrainThreads,
-    Validation,
-    Weights,
-)
-from doorway3ds.cli.shared.training import running, say
+from doorway3ds.cli.shared.expand import expand
+from doorway3ds.cli.shared.training import running as run_of
+from doorway3ds.cli.shared.training import say
 from doorway3ds.errors import CallError
+from doorway3ds.lab.train.options import (
+    ClassOptions,
+    DepthOptions,
+    FileOptions,
+    PairOptions,
+    RunOptions,
+    SrinOptions,
+)
+
+if TYPE_CHECKING:
+    from doorway3ds.lab.datasets.places import Pictures
+
+Out = Annotated[Path, typer.Option(help="Folder for checkpoints, logs and the result.")]
 
 app = typer.Typer(
     help="Train networks from images.\n\nExample: 3ds train cnn-srin pictures", no_args_is_help=True
@@ -42,14 +36,16 @@ def top() -> None:
 
 
 @app.command()
+@expand
 def doornet(
+    running: RunOptions,
     datasets: Annotated[
         list[Path], typer.Argument(help="Folders with doorways.csv or boxes.csv beside images/.")
     ],
     teachers: Annotated[
         Path, typer.Option(help="Folder with the ONNX files that training starts from.")
     ],
-    out: TrainOut = Path("runs/doornet"),
+    out: Out = Path("runs/doornet"),
     recipe: Annotated[
         Path | None, typer.Option(help="YAML file.  [default: the packaged one]")
     ] = None,
@@ -81,10 +77,9 @@ def doornet(
             "0: never.  [default: the recipe's]",
         ),
     ] = None,
-    precision: Precision = "auto",
-    tensorboard: Board = False,
-    resume: Resume = False,
-    threads: TrainThreads = None,
+    precision: Annotated[
+        str, typer.Option(help="auto (bfloat16 on a GPU), float32, bfloat16.")
+    ] = "auto",
 ) -> None:
     """Train doornet: p_open, opening columns, depth and floor in one network."""
     from dataclasses import replace
@@ -101,15 +96,7 @@ def doornet(
     changed: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
     chosen = replace(chosen, fit=replace(chosen.fit, **changed))
     epochs = sum(stage.epochs for stage in chosen.fit.stages)
-    with running(
-        out,
-        epochs,
-        {},
-        precision=precision,
-        threads=threads,
-        resume=resume,
-        tensorboard=tensorboard,
-    ) as run:
+    with run_of(out, epochs, running, precision) as run:
         card = train_doornet(
             datasets,
             Teachers.in_folder(teachers),
@@ -120,7 +107,7 @@ def doornet(
             marks=marks,
             calibration=calibration,
             init=init,
-            resume=resume,
+            resume=run.resume,
             precision=precision,
             watcher=run.watcher,
             team=run.team,
@@ -144,182 +131,97 @@ def limits(
 
 
 @app.command("cnn-srin")
+@expand
 def cnn_srin(
     dataset: Annotated[
         Path, typer.Argument(help="Folder with no-door/ and open-door/, or a CSV: image, class.")
     ],
-    out: TrainOut = Path("runs/cnn-srin"),
-    epochs: Epochs = 20,
-    learning_rate: Rate = 1e-3,
-    batch: Batch = 32,
-    weights: Weights = "imagenet",
-    copies: Annotated[
-        int, typer.Option(min=0, help="Augmented copies of each training picture.")
-    ] = 0,
-    fine_tune: Annotated[
-        int, typer.Option(min=0, metavar="EPOCHS", help="Then train VGG16's top block, too.")
-    ] = 0,
-    validation: Validation = 0.2,
-    patience: Patience = 0,
-    group: Group = "auto",
-    group_pattern: Pattern = None,
-    places: PlacesFile = None,
-    half_open: HalfOpen = "leave-out",
-    layout: EvalLayout = None,
-    limit: PerClass = None,
-    seed: int = 0,
-    precision: Precision = "auto",
-    licence: Licence = None,
-    install: Install = True,
-    tensorboard: Board = False,
-    resume: Resume = False,
-    threads: TrainThreads = None,
+    pictures: ClassOptions,
+    options: SrinOptions,
+    running: FileOptions,
+    out: Out = Path("runs/cnn-srin"),
 ) -> None:
     """Train the paper's classifier on pictures with and without an open doorway."""
     from doorway3ds.lab.datasets.doors import read_door_pictures
-    from doorway3ds.lab.datasets.places import Choice
-    from doorway3ds.lab.datasets.readers import read_places
-    from doorway3ds.lab.train.paper.srinrun import SrinOptions, SrinTraining
+    from doorway3ds.lab.train.paper.srinrun import SrinTraining
 
-    options = SrinOptions(
-        epochs,
-        learning_rate,
-        batch,
-        weights,
-        validation,
-        patience,
-        seed,
-        precision,
-        copies=copies,
-        fine_tune=fine_tune,
-    )
-    with running(
-        out,
-        epochs + fine_tune,
-        {"data": str(dataset), "licence": licence},
-        precision=precision,
-        threads=threads,
-        resume=resume,
-        tensorboard=tensorboard,
-    ) as run:
-        pictures = read_door_pictures(
+    epochs, facts = options.epochs + options.fine_tune, _facts(dataset, running)
+    with run_of(out, epochs, running, options.precision, **facts) as run:
+        found = read_door_pictures(
             dataset,
-            Choice(group, group_pattern, half_open, limit, seed),
-            layout=layout,
-            places=None if places is None else read_places(places),
+            pictures.choice(options.seed),
+            layout=pictures.layout,
+            places=pictures.read_places(),
             seen=run.seen,
         )
         if run.team.leads:
-            say(
-                f"{len(pictures.samples)} pictures, {len(set(pictures.groups))} groups by "
-                f"{pictures.grouping}; left out: {len(pictures.left_out)}, "
-                f"{list(pictures.left_out.values()).count('half open')} of them half open"
-            )
-        card = SrinTraining(pictures, options, run)()
+            half = list(found.left_out.values()).count("half open")
+            say(f"{_read(found)}; left out: {len(found.left_out)}, {half} of them half open")
+        card = SrinTraining(found, options, run)()
         if run.team.leads:
             accuracy = card["held_out"]["wilson"]["accuracy"]
             said = (
                 f"held-out accuracy {accuracy['value']:.3f} "
                 f"({accuracy['low']:.3f} to {accuracy['high']:.3f}, n = {accuracy['n']})"
             )
-            _finish("cnn-srin", out, card, said, install)
+            _finish("cnn-srin", out, card, said, running.install)
 
 
 @app.command()
+@expand
 def densedepth(
     dataset: Annotated[
         Path,
         typer.Argument(help="Folder of pictures with depth, or DenseDepth's own nyu_data.zip."),
     ],
-    out: TrainOut = Path("runs/densedepth"),
+    pictures: PairOptions,
+    options: DepthOptions,
+    running: FileOptions,
+    out: Out = Path("runs/densedepth"),
     unit_m: Annotated[
         float | None,
         typer.Option(metavar="M", help="Metres per count of depth, where the data do not say."),
     ] = None,
-    setting: Annotated[
-        str, typer.Option(help="nyu: 480x640, 0.1 to 10 m. kitti: 384x1280, 1 to 80 m.")
-    ] = "nyu",
-    epochs: Epochs = 20,
-    learning_rate: Rate = 1e-4,
-    batch: Batch = 4,
-    weights: Weights = "imagenet",
-    freeze_encoder: Annotated[
-        bool,
-        typer.Option("--freeze-encoder", help="As the paper's text; its code trains it."),
-    ] = False,
-    augment: Annotated[
-        bool, typer.Option("--augment/--no-augment", help="Mirrored, colour channels swapped.")
-    ] = True,
-    half_decoder: Annotated[
-        bool, typer.Option("--half-decoder", help="Half as many filters: the code's own default.")
-    ] = False,
-    validation: Validation = 0.1,
-    patience: Patience = 0,
-    group: Group = "auto",
-    group_pattern: Pattern = None,
-    limit: Annotated[int | None, typer.Option(min=2, help="At most so many pictures.")] = None,
-    seed: int = 0,
-    precision: Precision = "auto",
-    licence: Licence = None,
-    install: Install = True,
-    tensorboard: Board = False,
-    resume: Resume = False,
-    threads: TrainThreads = None,
 ) -> None:
     """Train the paper's depth network (DenseNet-169) on pictures with depth."""
-    from doorway3ds.lab.datasets.places import Choice
     from doorway3ds.lab.train.paper.densedepth import SETTINGS
     from doorway3ds.lab.train.paper.depthpairs import read_depth_pairs
-    from doorway3ds.lab.train.paper.depthrun import DepthOptions, DepthTraining
+    from doorway3ds.lab.train.paper.depthrun import DepthTraining
 
-    if setting not in SETTINGS:
-        raise CallError(f"--setting must be {', '.join(SETTINGS)}, got {setting!r}")
-    options = DepthOptions(
-        epochs,
-        learning_rate,
-        batch,
-        weights,
-        validation,
-        patience,
-        seed,
-        precision,
-        setting=setting,
-        freeze_encoder=freeze_encoder,
-        augment=augment,
-        filters=832 if half_decoder else None,
-    )
-    with running(
-        out,
-        epochs,
-        {"data": str(dataset), "licence": licence},
-        precision=precision,
-        threads=threads,
-        resume=resume,
-        tensorboard=tensorboard,
-    ) as run:
+    if options.setting not in SETTINGS:
+        raise CallError(f"--setting must be {', '.join(SETTINGS)}, got {options.setting!r}")
+    facts = _facts(dataset, running)
+    with run_of(out, options.epochs, running, options.precision, **facts) as run:
         if not run.team.leads:
             run.team.told(None)  # until the leader has unpacked what is packed
         pairs = read_depth_pairs(
             dataset,
-            SETTINGS[setting],
-            Choice(group, group_pattern, limit=limit, seed=seed),
+            SETTINGS[options.setting],
+            pictures.choice(options.seed),
             unit_m=unit_m,
             unpack=out / "data",
             seen=run.seen,
         )
         if run.team.leads:
             run.team.told(None)
-            say(
-                f"{len(pairs.samples)} pictures, {len(set(pairs.groups))} groups by "
-                f"{pairs.grouping}; median depth {pairs.median_m:.2f} m; "
-                f"left out: {len(pairs.left_out)}"
-            )
+            depth = f"median depth {pairs.median_m:.2f} m"
+            say(f"{_read(pairs)}; {depth}; left out: {len(pairs.left_out)}")
         card = DepthTraining(pairs, options, run)()
         if run.team.leads:
             delta1, rmse = (card["held_out"]["metrics"][key]["value"] for key in ("delta1", "rmse"))
             said = f"held out: delta1 {delta1:.3f}, RMSE {rmse:.3f} m"
             # of another size than `3ds look` feeds, a file for KITTI is not installed
-            _finish("densedepth", out, card, said, install and setting == "nyu")
+            install = running.install and options.setting == "nyu"
+            _finish("densedepth", out, card, said, install)
+
+
+def _facts(dataset: Path, running: FileOptions) -> dict[str, Any]:
+    return {"data": str(dataset), "licence": running.licence}
+
+
+def _read(found: Pictures) -> str:
+    count = len(set(found.groups))
+    return f"{len(found.samples)} pictures, {count} groups by {found.grouping}"
 
 
 def _finish(name: str, out: Path, card: dict[str, Any], said: str, install: bool) -> None:

@@ -15,10 +15,11 @@ pytest.importorskip("matplotlib")
 from doorway3ds.errors import UserError
 from doorway3ds.lab.train.engine import backend as engine
 from doorway3ds.lab.train.engine.training import Run
+from doorway3ds.lab.train.options import DepthOptions
 from doorway3ds.lab.train.paper import densedepth
 from doorway3ds.lab.train.paper.densedepth import NYU
 from doorway3ds.lab.train.paper.depthpairs import read_depth_pairs
-from doorway3ds.lab.train.paper.depthrun import DepthOptions, DepthTraining
+from doorway3ds.lab.train.paper.depthrun import DepthTraining
 from tests import factories
 from tests.conftest import Cli
 from tests.factories import classes, depth_pairs

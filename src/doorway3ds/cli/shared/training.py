@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from doorway3ds.cli.shared.progress import Progress, bar
-from doorway3ds.errors import CallError
+from doorway3ds.lab.train.options import RunOptions, require_precision
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from doorway3ds.lab.train.engine.training import Run
-
-PRECISIONS = ("auto", "float32", "bfloat16")
 
 
 def command_line() -> str:
@@ -63,30 +61,25 @@ class Watch:
 
 @contextmanager
 def running(
-    out: Path,
-    epochs: int,
-    facts: Mapping[str, Any],
-    *,
-    precision: str,
-    threads: int | None,
-    resume: bool,
-    tensorboard: bool,
+    out: Path, epochs: int, options: RunOptions, precision: str, **facts: Any
 ) -> Iterator[Run]:
-    """A training's run, with progress told and the team of `torchrun`, if there is one."""
-    if precision not in PRECISIONS:
-        raise CallError(f"--precision must be {', '.join(PRECISIONS)}, got {precision!r}")
+    """A training's run, with progress told and the team of `torchrun`, if there is one.
+
+    facts: for its card, beside the command.
+    """
+    require_precision(precision)
     from doorway3ds.lab.train.engine import backend
     from doorway3ds.lab.train.engine.training import Run
     from doorway3ds.lab.train.engine.watch import TensorBoard, Together
 
-    backend.start(threads)
+    backend.start(options.threads)
     team = backend.join()
     watcher: Any = Watch(epochs)
-    if tensorboard and team.leads:
+    if options.tensorboard and team.leads:
         watcher = Together(watcher, TensorBoard(out / "tensorboard"))
     with Progress() as seen:
         told = {"command": command_line(), **facts}
-        yield Run(out, resume, watcher, seen, team, told)
+        yield Run(out, options.resume, watcher, seen, team, told)
     backend.leave(team)
 
 

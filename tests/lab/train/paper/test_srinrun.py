@@ -13,7 +13,8 @@ pytest.importorskip("matplotlib")
 from doorway3ds.lab.datasets.doors import read_door_pictures
 from doorway3ds.lab.train.engine import backend as engine
 from doorway3ds.lab.train.engine.training import Run
-from doorway3ds.lab.train.paper.srinrun import SrinOptions, score_epochs
+from doorway3ds.lab.train.options import SrinOptions
+from doorway3ds.lab.train.paper.srinrun import score_epochs
 from tests.conftest import Cli
 from tests.factories import classes
 
@@ -28,10 +29,10 @@ def weights(folder: Path) -> dict[str, np.ndarray]:
 def test_one_training_read_at_several_epochs_is_as_good_as_several(tmp_path: Path) -> None:
     engine.start(1)
     pictures = read_door_pictures(classes(tmp_path / "data", 6))
-    options = SrinOptions(weights="none", validation=0.4, batch=4, side=32)
-    read = score_epochs(pictures, options, Run(tmp_path / "read"), (1, 3))
-    alone = score_epochs(pictures, options, Run(tmp_path / "alone"), (3,))
-    early = score_epochs(pictures, options, Run(tmp_path / "early"), (1,))
+    options = SrinOptions(weights="none", validation=0.4, batch=4)
+    read = score_epochs(pictures, options, Run(tmp_path / "read"), (1, 3), 32)
+    alone = score_epochs(pictures, options, Run(tmp_path / "alone"), (3,), 32)
+    early = score_epochs(pictures, options, Run(tmp_path / "early"), (1,), 32)
     one, three = weights(tmp_path / "alone"), weights(tmp_path / "read")
     assert all(np.array_equal(one[name], three[name]) for name in one)
     assert read.history == alone.history and len(read.history) == 3

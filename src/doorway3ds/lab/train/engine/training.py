@@ -13,41 +13,20 @@ from doorway3ds.lab.evaluate.report.html import Report, write_report
 from doorway3ds.lab.train.engine import outcome
 from doorway3ds.lab.train.engine.backend import ALONE, Team, wants_half
 from doorway3ds.lab.train.engine.loop import Data, Loop, LoopConfig, Losses, Row, Watcher
+from doorway3ds.lab.train.options import TrainOptions
 
 
-@dataclass(frozen=True)
-class TrainOptions:
-    """What every training can be told. weights: "imagenet", "none" or an HDF5 file.
-
-    validation: share of the pictures held out. patience: see `LoopConfig`. precision: "auto",
-    "float32" or "bfloat16".
-    """
-
-    epochs: int = 20
-    learning_rate: float = 1e-3
-    batch: int = 32
-    weights: str = "imagenet"
-    validation: float = 0.2
-    patience: int = 0
-    seed: int = 0
-    precision: str = "auto"
-
-    @property
-    def first_weights(self) -> str | Path:
-        """`weights` with a file as a path."""
-        return self.weights if self.weights in ("imagenet", "none") else Path(self.weights)
-
-    def loop(self, **more: Any) -> LoopConfig:
-        """How the loop runs; more: of `LoopConfig`, over what is said here."""
-        told = {
-            "epochs": self.epochs,
-            "learning_rate": self.learning_rate,
-            "batch": self.batch,
-            "seed": self.seed,
-            "patience": self.patience,
-            "half": wants_half(self.precision),
-        }
-        return LoopConfig(**{**told, **more})
+def loop_config(options: TrainOptions, **more: Any) -> LoopConfig:
+    """How the loop runs by these options; more: of `LoopConfig`, over what they say."""
+    told = {
+        "epochs": options.epochs,
+        "learning_rate": options.learning_rate,
+        "batch": options.batch,
+        "seed": options.seed,
+        "patience": options.patience,
+        "half": wants_half(options.precision),
+    }
+    return LoopConfig(**{**told, **more})
 
 
 @dataclass(frozen=True)

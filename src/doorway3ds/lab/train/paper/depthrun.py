@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,8 @@ from doorway3ds.lab.train.engine import outcome
 from doorway3ds.lab.train.engine.backend import device_of
 from doorway3ds.lab.train.engine.calibrate import relative_depth_error
 from doorway3ds.lab.train.engine.loop import Row
-from doorway3ds.lab.train.engine.training import Run, Training, TrainOptions
+from doorway3ds.lab.train.engine.training import Run, Training, loop_config
+from doorway3ds.lab.train.options import DepthOptions
 from doorway3ds.lab.train.paper import densedepth
 from doorway3ds.lab.train.paper.convert import export_densedepth
 from doorway3ds.lab.train.paper.densedepth import SETTINGS, Setting
@@ -31,23 +32,9 @@ from doorway3ds.networks.adapter import squeeze
 # As the published code: half of the pictures mirrored, half with the channels in another order.
 MIRRORED, RECOLOURED = 0.5, 0.5
 _ORDERS = ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0))
+HALF_DECODER = 832  # filters of the decoder's first convolution, the published code's default
 _SHOWN = 8
 _HELD_OUT = Protocol("held out", "whole", False)
-
-
-@dataclass(frozen=True)
-class DepthOptions(TrainOptions):
-    """freeze_encoder: as the paper's text says; trained, as the published code does.
-    filters: of the decoder's first convolution; None: the encoder's own number.
-    """
-
-    learning_rate: float = 1e-4
-    batch: int = 4
-    validation: float = 0.1
-    setting: str = "nyu"
-    freeze_encoder: bool = False
-    augment: bool = True
-    filters: int | None = None
 
 
 class Pairs:
@@ -119,7 +106,7 @@ class DepthTraining(Training):
         self._model = densedepth.build_densedepth(
             options.first_weights,
             size=(setting.height, setting.width),
-            filters=options.filters,
+            filters=HALF_DECODER if options.half_decoder else None,
             blocks=self.blocks,
         )
         if options.freeze_encoder:
@@ -139,7 +126,7 @@ class DepthTraining(Training):
             self.blocks,
         )
         losses = functools.partial(densedepth.losses, most=setting.most)
-        config = options.loop(amsgrad=True)
+        config = loop_config(options, amsgrad=True)
         return self.run.loop(self._model, losses, train, held, config, identity=identity)
 
     def describe(self) -> dict[str, Any]:

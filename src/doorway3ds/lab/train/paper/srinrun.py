@@ -19,24 +19,14 @@ from doorway3ds.lab.evaluate.report.html import Report
 from doorway3ds.lab.train.engine import outcome
 from doorway3ds.lab.train.engine.backend import device_of
 from doorway3ds.lab.train.engine.loop import Data, LoopConfig, Row
-from doorway3ds.lab.train.engine.training import Run, Training, TrainOptions
+from doorway3ds.lab.train.engine.training import Run, Training, loop_config
+from doorway3ds.lab.train.options import SrinOptions
 from doorway3ds.lab.train.paper import cnn_srin
 from doorway3ds.lab.train.paper.cnn_srin import FeatureCache, Wanted
 from doorway3ds.lab.train.paper.convert import export_cnn_srin
 from doorway3ds.networks.cnn_srin import SIDE
 
 FINE_TUNE_RATE = 1e-5
-
-
-@dataclass(frozen=True)
-class SrinOptions(TrainOptions):
-    """copies: augmented copies of each training picture. fine_tune: epochs with VGG16's top
-    block unfrozen, after the head's. side: of the input; `3ds look` needs 224.
-    """
-
-    copies: int = 0
-    fine_tune: int = 0
-    side: int = SIDE
 
 
 class Rows:
@@ -80,17 +70,22 @@ def wanted_rows(pictures: DoorPictures, indices: Sequence[int], copies: int = 0)
 
 
 class SrinTraining(Training):
-    """The head on VGG16's features, kept in out/features.npz, then VGG16's top block."""
+    """The head on VGG16's features, kept in out/features.npz, then VGG16's top block.
+
+    side: of the input; `3ds look` needs 224.
+    """
 
     name = "cnn-srin"
 
-    def __init__(self, pictures: DoorPictures, options: SrinOptions, run: Run) -> None:
+    def __init__(
+        self, pictures: DoorPictures, options: SrinOptions, run: Run, side: int = SIDE
+    ) -> None:
         import keras
 
-        self.pictures, self.options, self.run = pictures, options, run
+        self.pictures, self.options, self.run, self.side = pictures, options, run, side
         self.split = pictures.split(options.validation, options.seed)
         keras.utils.set_random_seed(options.seed)
-        self._base = cnn_srin.build_base(options.first_weights, options.side)
+        self._base = cnn_srin.build_base(options.first_weights, side)
         self._base.trainable = False
         self._head = cnn_srin.build_head()
         rows = wanted_rows(pictures, self.split.train, options.copies)
@@ -119,7 +114,7 @@ class SrinTraining(Training):
 
     def fit(self) -> list[Row]:
         options = self.options
-        history = self.fit_head(options.loop())
+        history = self.fit_head(loop_config(options))
         self._whole = cnn_srin.join(self._base, self._head)
         if not options.fine_tune:
             return history
@@ -130,7 +125,7 @@ class SrinTraining(Training):
         train, held = (
             Pictures(
                 [self.pictures.samples[i] for i in part],
-                options.side,
+                self.side,
                 bool(options.copies),
                 options.seed,
             )
@@ -141,8 +136,11 @@ class SrinTraining(Training):
             cnn_srin.losses,
             train,
             held,
-            options.loop(
-                epochs=options.fine_tune, learning_rate=FINE_TUNE_RATE, first=options.epochs
+            loop_config(
+                options,
+                epochs=options.fine_tune,
+                learning_rate=FINE_TUNE_RATE,
+                first=options.epochs,
             ),
             stem=f"fine-tune-after-{options.epochs}",  # another head needs another second stage
             identity=self._identity,
@@ -152,7 +150,7 @@ class SrinTraining(Training):
         """What the network as it is says of the held-out pictures."""
         samples = [self.pictures.samples[i] for i in self.split.held]
         if self.options.fine_tune:
-            p_open = predict(self._whole, Pictures(samples, self.options.side, False, 0))
+            p_open = predict(self._whole, Pictures(samples, self.side, False, 0))
         else:
             p_open = predict(self._head, self._held)
         groups = [self.pictures.groups[i] for i in self.split.held]
@@ -178,7 +176,7 @@ class SrinTraining(Training):
 
     def export(self, path: Path, card: Mapping[str, Any]) -> float:
         shown = {key: card[key] for key in ("name", "date", "initialised_from")}
-        return export_cnn_srin(self._whole, path, shown, self.options.side)
+        return export_cnn_srin(self._whole, path, shown, self.side)
 
     def illustrate(self, report: Report) -> None:
         scored = {"held out": self._scored}
@@ -198,19 +196,23 @@ class EpochScores:
 
 
 def score_epochs(
-    pictures: DoorPictures, options: SrinOptions, run: Run, epochs: Sequence[int]
+    pictures: DoorPictures,
+    options: SrinOptions,
+    run: Run,
+    epochs: Sequence[int],
+    side: int = SIDE,
 ) -> EpochScores:
     """Held-out scores of the head after each of `epochs`; options.epochs is not used.
 
     One training, stopped and resumed: as the learning rate is constant and the order of pictures
     follows from seed and epoch alone, the weights after N epochs are those of a training for N.
     """
-    training = SrinTraining(pictures, replace(options, fine_tune=0), run)
+    training = SrinTraining(pictures, replace(options, fine_tune=0), run, side)
     scored: dict[int, ClassifierMetrics] = {}
     history: list[Row] = []
     for count in sorted(set(epochs)):
         training.run = replace(run, resume=bool(scored))
-        history = training.fit_head(options.loop(epochs=count))
+        history = training.fit_head(loop_config(options, epochs=count))
         scored[count] = classifier.score(training.records())
     return EpochScores(scored, history, len(training.split.leaks))
 

@@ -1,0 +1,57 @@
+"""What a user may say of the pictures that are measured, and of the report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from doorway3ds.camera.options import LensOptions
+from doorway3ds.options import Options, setting
+
+
+@dataclass(frozen=True)
+class DataOptions(LensOptions):
+    """Which pictures of a data set are measured; the camera is of those that bring none."""
+
+    panel: ClassVar[str] = "Pictures"
+
+    layout: str | None = setting(
+        None, "nyu, rendered, plain, boxes or folders; told from the files if left out."
+    )
+    split: str | None = setting(None, "Only fold K of N of the places, K from 1.", metavar="K/N")
+    folds: int | None = setting(
+        None,
+        "All N folds, each by its own network ({k} in --network).",
+        low=2,
+        high=1000,
+        metavar="N",
+    )
+    images: Path | None = setting(
+        None, "Only the pictures named in it, one a line.", metavar="FILE"
+    )
+    places: Path | None = setting(
+        None, "CSV with columns image, place: which belong together.", metavar="FILE"
+    )
+
+
+@dataclass(frozen=True)
+class MarkOptions(DataOptions):
+    """The same of pictures with marks of several confidences."""
+
+    min_confidence: int = setting(1, "Leave marks below this confidence out.", low=1, high=3)
+
+
+@dataclass(frozen=True)
+class ReportOptions(Options):
+    """What is reported, and where."""
+
+    panel: ClassVar[str] = "Report"
+
+    repeats: int = setting(2000, "Bootstrap resamples; 0 = no intervals.", low=0, high=1_000_000)
+    out: Path | None = setting(
+        None, "Write report.html, report.json and PNGs there.", metavar="DIR"
+    )
+    json_file: Path | None = setting(
+        None, "Write the numbers; - = standard out.", metavar="FILE", names=("--json",)
+    )

@@ -1,0 +1,161 @@
+"""What a user may say of a training and of the pictures that it learns from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from doorway3ds.errors import CallError
+from doorway3ds.options import Options
+from doorway3ds.options import setting as option
+
+if TYPE_CHECKING:
+    from doorway3ds.lab.datasets.places import Choice
+
+PRECISIONS = ("auto", "float32", "bfloat16")
+_MANY = 1_000_000
+
+
+@dataclass(frozen=True)
+class GroupOptions(Options):
+    """Which pictures are never split between training and held out."""
+
+    panel: ClassVar[str] = "Pictures"
+
+    group: str = option(
+        "auto",
+        "What is never split: auto (places named by the data, else near-duplicates), near, folder.",
+    )
+    group_pattern: str | None = option(
+        None, "Place = its first group, in the file's name.", metavar="REGEX"
+    )
+
+    def choice(self, seed: int) -> Choice:
+        """The same as the readers take it."""
+        from doorway3ds.lab.datasets.places import Choice
+
+        half_open = getattr(self, "half_open", "leave-out")
+        limit = getattr(self, "limit", None)
+        return Choice(self.group, self.group_pattern, half_open, limit, seed)
+
+
+@dataclass(frozen=True)
+class PairOptions(GroupOptions):
+    """The same of pictures with depth."""
+
+    limit: int | None = option(None, "At most so many pictures.", low=2, high=_MANY)
+
+
+@dataclass(frozen=True)
+class SiteOptions(GroupOptions):
+    """The same of pictures with and without an open doorway."""
+
+    places: Path | None = option(None, "CSV: image, place.", metavar="FILE")
+    half_open: str = option("leave-out", "Half-open doors: leave-out, open or not-open.")
+
+    def read_places(self) -> dict[str, str] | None:
+        """The place of each picture by name; None unless a file says it."""
+        from doorway3ds.lab.datasets.readers import read_places
+
+        return None if self.places is None else read_places(self.places)
+
+
+@dataclass(frozen=True)
+class ClassOptions(SiteOptions):
+    """The same of a data set in classes."""
+
+    layout: str | None = option(None, "Layout, as of `3ds eval`; told from the files if left out.")
+    limit: int | None = option(None, "At most so many per class.", low=1, high=_MANY)
+
+
+@dataclass(frozen=True)
+class StartOptions(Options):
+    """What a training begins with."""
+
+    panel: ClassVar[str] = "Training"
+
+    weights: str = option(
+        "imagenet",
+        "First weights: Keras' download, random, or an HDF5 file of Keras 1 or 2.",
+        metavar="imagenet|none|FILE",
+    )
+    validation: float = option(0.2, "Share held out.", low=0.01, high=0.9)
+    seed: int = option(0, "Seed of everything drawn at random.", low=0, high=2**32 - 1)
+
+    @property
+    def first_weights(self) -> str | Path:
+        """`weights` with a file as a path."""
+        return self.weights if self.weights in ("imagenet", "none") else Path(self.weights)
+
+
+@dataclass(frozen=True)
+class TrainOptions(StartOptions):
+    """How a network is trained."""
+
+    epochs: int = option(20, "Times that every picture is seen.", low=1, high=_MANY)
+    learning_rate: float = option(1e-3, "Learning rate of Adam.", low=1e-12, high=10)
+    batch: int = option(32, "Pictures per step.", low=1, high=_MANY)
+    patience: int = option(
+        0,
+        "Stop after so many epochs without gain, keep the best; 0: never.",
+        low=0,
+        high=_MANY,
+    )
+    precision: str = option("auto", "auto (bfloat16 on a GPU), float32, bfloat16.")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_precision(self.precision)
+
+
+@dataclass(frozen=True)
+class SrinOptions(TrainOptions):
+    """How CNN-SRIN is trained."""
+
+    copies: int = option(0, "Augmented copies of each training picture.", low=0, high=_MANY)
+    fine_tune: int = option(
+        0, "Then train VGG16's top block, too.", low=0, high=_MANY, metavar="EPOCHS"
+    )
+
+
+@dataclass(frozen=True)
+class DepthOptions(TrainOptions):
+    """How DenseDepth is trained."""
+
+    learning_rate: float = option(1e-4, "Learning rate of Adam.", low=1e-12, high=10)
+    batch: int = option(4, "Pictures per step.", low=1, high=_MANY)
+    validation: float = option(0.1, "Share held out.", low=0.01, high=0.9)
+    setting: str = option("nyu", "nyu: 480x640, 0.1 to 10 m. kitti: 384x1280, 1 to 80 m.")
+    freeze_encoder: bool = option(False, "As the paper's text; its code trains it.")
+    augment: bool = option(
+        True, "Mirrored, colour channels swapped.", names=("--augment/--no-augment",)
+    )
+    half_decoder: bool = option(False, "Half as many filters: the code's own default.")
+
+
+@dataclass(frozen=True)
+class RunOptions(Options):
+    """How a training is run."""
+
+    panel: ClassVar[str] = "Run"
+
+    resume: bool = option(False, "Go on from the checkpoint in --out.")
+    tensorboard: bool = option(False, "Write OUT/tensorboard, too, beside the CSV logs.")
+    threads: int | None = option(None, "CPU threads; default: all.", low=1, high=4096)
+
+
+@dataclass(frozen=True)
+class FileOptions(RunOptions):
+    """The same of a network that `--network` finds by its name."""
+
+    licence: str | None = option(None, "Licence of the pictures; noted on the card.")
+    install: bool = option(
+        True, "Let `--network` find the file by name.", names=("--install/--no-install",)
+    )
+
+
+def require_precision(precision: str) -> None:
+    """CallError for what is none of PRECISIONS."""
+    if precision not in PRECISIONS:
+        raise CallError(f"--precision must be {', '.join(PRECISIONS)}, got {precision!r}")
