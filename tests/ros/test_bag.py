@@ -149,3 +149,45 @@ def test_live_decides_on_a_bag(cli: Cli, tmp_path: Path) -> None:
     assert ran.status == 0 and len(lines) == 3
     assert [line["stamp_s"] for line in lines] == pytest.approx([100, 100.1, 100.2], abs=1e-6)
     assert lines[0]["camera"] == {"name": "/cam/camera_info", "assumed": False}
+
+
+def test_look_answers_each_image_of_a_bag(cli: Cli, tmp_path: Path) -> None:
+    path = bags.write(tmp_path / "bag", "ros1", bags.camera_topics(pictures(), CAMERA, POSE))
+    ran = cli("look", f"bag://{path}", "photo.jpg", "--network", "net.onnx", "--out", "out")
+    assert ran.status == 0 and len(ran.out.splitlines()) == 4
+    assert "/cam/image_raw#3: open door" in ran.out and "4 of 4 answered" in ran.err
+    assert sorted(p.name for p in Path("out").iterdir())[:2] == [
+        "bag-000001_3ds.jpg",
+        "bag-000002_3ds.jpg",
+    ]
+
+
+def test_live_writes_a_bag_that_reads_back(cli: Cli, tmp_path: Path) -> None:
+    from rosbags.highlevel import AnyReader
+
+    path = bags.write(tmp_path / "bag", "mcap", bags.camera_topics(pictures(), CAMERA, POSE))
+    ran = cli("live", f"bag://{path}", "--network", "net.onnx", "--json", "--bag", "kept")
+    assert ran.status == 0, ran.err
+    said = [json.loads(line) for line in ran.out.splitlines()]
+    with AnyReader([Path("kept")]) as reader:
+        counts = {one.topic: one.msgcount for one in reader.connections}
+        topics = [one for one in reader.connections if one.topic == "/doorway3ds/decision"]
+        kept = [
+            json.loads(reader.deserialize(data, one.msgtype).data)
+            for one, _, data in reader.messages(topics)
+        ]
+        shown = [one for one in reader.connections if one.topic == "/doorway3ds/markers"]
+        connection, _, data = next(iter(reader.messages(shown)))
+        marks = reader.deserialize(data, connection.msgtype).markers
+    assert kept == said
+    assert all(counts[f"/doorway3ds/{one}"] == 3 for one in ("decision", "markers", "depth"))
+    assert {one.ns for one in marks} >= {"words"}
+    assert list(Path("kept").glob("*.mcap")) and not list(Path().glob(".kept*"))
+    # The record is itself a source, with the same camera and pose.
+    with open_source("bag://kept?topic=/camera/image_raw/compressed") as source:
+        frames = list(source)
+    assert len(frames) == 3
+    assert frames[0].camera.distortion == pytest.approx(CAMERA.distortion)
+    assert all(vars(one.pose) == pytest.approx(vars(POSE), abs=1e-9) for one in frames)
+    again = cli("live", f"bag://{path}", "--network", "net.onnx", "--bag", "kept")
+    assert again.status == 1 and "kept exists; a bag is a new folder" in again.err

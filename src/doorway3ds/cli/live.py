@@ -26,6 +26,7 @@ from doorway3ds.cli.shared.robot import (
     require_robot,
 )
 from doorway3ds.cli.shared.signals import ended_by_sigterm
+from doorway3ds.cli.shared.viewer import Rerun, viewer_of
 from doorway3ds.cli.shared.watch import Watch, counts, print_json
 from doorway3ds.decide.options import DecideOptions
 from doorway3ds.errors import CallError, UserError
@@ -48,7 +49,7 @@ def live(
         typer.Argument(
             metavar="SOURCE",
             help="webcam://0, rtsp://..., http://... (MJPEG), a video, a folder, 'pattern*.jpg', "
-            "- (images on standard input), sim://... or nao://...",
+            "- (images on standard input), bag://..., sim://... or nao://...",
         ),
     ],
     motion: MotionOptions,
@@ -62,6 +63,11 @@ def live(
         Path | None,
         typer.Option(metavar="FILE", help="Annotated video to write: .mp4, .mkv, .avi or .webm."),
     ] = None,
+    bag: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Bag to write: images, decisions, markers and depth."),
+    ] = None,
+    rerun: Rerun = None,
     frames: Annotated[int | None, typer.Option(min=1, help="Stop after N frames.")] = None,
     log: RunFolder = None,
     robot: Annotated[str | None, typer.Option(metavar="ROBOT", help=ROBOT_HELP)] = None,
@@ -85,7 +91,7 @@ def live(
     panelled = not as_json and sys.stdout.isatty()
     pace = reading.pace
     if pace is None:
-        pace = panelled and out is None and log is None
+        pace = panelled and not any((out, log, bag, rerun))
     # libav writes warnings of its own for every hiccup of a stream.
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
@@ -110,6 +116,16 @@ def live(
         heading = _heading(driver.robot) if driver is not None and driver.move else _still
         session = Session(found, pipeline, prefetch=not (found.live or pace), heading=heading)
         watch = Watch(session, as_json, film)
+        if bag is not None:
+            from doorway3ds.ros.recorder import BagRecorder
+
+            recorder = BagRecorder(bag)
+            stack.callback(recorder.close)
+            watch.keep.append(lambda update, line: recorder.add(update.decision, line))
+        viewer = stack.enter_context(viewer_of(rerun))
+        if viewer is not None:
+            show = viewer.add
+            watch.keep.append(lambda update, _: show(update.decision, belief=update.tracked.belief))
         if log is not None and robot is None:
             record = stack.enter_context(logged(log, decide, pipeline, found))
             watch.log = stack.enter_context(_ending(record, watch))

@@ -15,12 +15,15 @@ from doorway3ds.camera.options import CameraOptions
 from doorway3ds.cli.shared.expand import expand as expanded
 from doorway3ds.cli.shared.inputs import Input, expand
 from doorway3ds.cli.shared.progress import Progress
+from doorway3ds.cli.shared.robot import open_eyes
+from doorway3ds.cli.shared.viewer import Rerun, viewer_of
 from doorway3ds.decide.options import DecideOptions
 from doorway3ds.errors import CallError, UserError
 
 if TYPE_CHECKING:
     from doorway3ds.camera.choice import CameraChoice
     from doorway3ds.decide.pipeline import Pipeline
+    from doorway3ds.draw.viewer import Viewer
     from doorway3ds.types import Decision
 
 OUT = Path("3ds-out")
@@ -29,7 +32,8 @@ OUT = Path("3ds-out")
 @expanded
 def look(
     images: Annotated[
-        list[str], typer.Argument(metavar="IMAGE", help="Files, folders, or - for stdin.")
+        list[str],
+        typer.Argument(metavar="IMAGE", help="Files, folders, bag://FILE, or - for stdin."),
     ],
     camera: CameraOptions,
     decide: DecideOptions,
@@ -45,6 +49,7 @@ def look(
     depth_dir: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for depth maps in metres, .npy.")
     ] = None,
+    rerun: Rerun = None,
 ) -> None:
     """Report for each image whether a doorway is open, where, and how far to turn.
 
@@ -63,27 +68,30 @@ def look(
         if folder is not None:
             _make_folder(folder)
 
-    inputs, errors = expand(images)
+    bags = [name for name in images if name.startswith("bag://")]
+    inputs, errors = expand(name for name in images if name not in bags)
     for message in errors:
         _complain(message)
-    job = _Job(pipeline, choice, as_json, out, depth_dir)
-    failed = len(errors)
+    total, failed = len(inputs) + len(errors), len(errors)
     start = time.monotonic()
-    with Progress(len(inputs)) as progress:
+    with viewer_of(rerun) as viewer, Progress(len(inputs)) as progress:
+        job = _Job(pipeline, choice, as_json, out, depth_dir, viewer)
         for done, image in enumerate(inputs):
             progress(done)
             try:
-                decision, line = job.decide(image)
+                decision = job.decide(image)
                 progress.clear()
-                sys.stdout.write(line + "\n")
-                sys.stdout.flush()
-                job.write(image, decision)
+                job.answer(image, decision)
             except UserError as error:
                 progress.clear()
                 _complain(str(error))
                 failed += 1
-    if len(inputs) > 1:
-        _summarise(len(inputs) + len(errors), failed, time.monotonic() - start, out)
+        progress.clear()
+        for bag in bags:
+            held, damaged = job.bag(bag, camera)
+            total, failed = total + held, failed + damaged
+    if total > 1:
+        _summarise(total, failed, time.monotonic() - start, out)
     if failed:
         raise typer.Exit(1)
 
@@ -97,9 +105,22 @@ class _Job:
     as_json: bool
     out: Path | None
     depth_dir: Path | None
+    viewer: Viewer | None
 
-    def decide(self, image: Input) -> tuple[Decision, str]:
-        """The decision and the line that says it."""
+    def bag(self, uri: str, camera: CameraOptions) -> tuple[int, int]:
+        """Answers each image of a bag; returns how many it holds and how many are damaged."""
+        number = 0
+        with open_eyes(uri, camera) as source:
+            source.notice = _complain
+            stem = Path(uri.partition("?")[0]).stem
+            for frame in source:
+                number += 1
+                image = Input(source.frame_name, f"{stem}-{number:06d}")
+                self.answer(image, self.pipeline.decide(frame))
+            return number + source.damaged, source.damaged
+
+    def decide(self, image: Input) -> Decision:
+        """The decision on one image, with the time that reading it took."""
         from doorway3ds.images.codec import read_image
         from doorway3ds.sources.base import View
 
@@ -113,13 +134,17 @@ class _Job:
             decision = self.pipeline.decide(view.of_picture(picture))
         except UserError as error:
             raise UserError(f"{name}: {error}") from error
-        decision = replace(decision, timings_ms={"decode": decoded, **decision.timings_ms})
-        if self.as_json:
-            return decision, json.dumps(decision.to_dict(image.name), allow_nan=False)
-        return decision, f"{image.name}: {describe(decision)}"
+        return replace(decision, timings_ms={"decode": decoded, **decision.timings_ms})
 
-    def write(self, image: Input, decision: Decision) -> None:
-        """The annotated picture and the depth map, where they are asked for."""
+    def answer(self, image: Input, decision: Decision) -> None:
+        """The line, and the annotated image, depth map and recording that are asked for."""
+        line = f"{image.name}: {describe(decision)}"
+        if self.as_json:
+            line = json.dumps(decision.to_dict(image.name), allow_nan=False)
+        sys.stdout.write(line + "\n")
+        sys.stdout.flush()
+        if self.viewer is not None:
+            self.viewer.add(decision)
         if self.out is not None:
             from doorway3ds.draw import annotate
             from doorway3ds.images.codec import write_image

@@ -20,8 +20,8 @@ _ORDER = (
     "live",
     "serve",
     "run",
-    "ros",
     "replay",
+    "ros",
     "batch",
     "calibrate",
     "models",
@@ -72,6 +72,9 @@ def main() -> None:
 
 def run(arguments: Sequence[str]) -> int:
     """Runs one command; returns its exit status."""
+    from doorway3ds.cli.shared.viewer import with_viewer
+
+    arguments = with_viewer(arguments)
     # A name that the terminal's encoding lacks must not cost the answer.
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):

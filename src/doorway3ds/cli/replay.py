@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from doorway3ds.cli.shared.viewer import Rerun, viewer_of
 from doorway3ds.decide.options import DecideOptions, Method
 from doorway3ds.errors import UserError
 
@@ -28,6 +29,7 @@ def replay(
     method: Annotated[Method | None, typer.Option(help="Another method than the run's.")] = None,
     tolerance: Annotated[float, typer.Option(help="Numbers may differ by this share.")] = 1e-6,
     threads: Annotated[int | None, typer.Option(min=1, help="CPU threads of the network.")] = None,
+    rerun: Rerun = None,
 ) -> None:
     """Decide on each recorded image again and report where the answer differs.
 
@@ -40,18 +42,22 @@ def replay(
     events = read_log(run)
     pipeline, kept = _pipeline(events[0], network, method, threads)
     total = changed = 0
-    for look in looks(run, events):
-        total += 1
-        if kept is not None:
-            kept.perception = look.perception
-        now = pipeline.decide(look.frame, look.expected_deg).to_dict()
-        names = differences(look.decision, now, tolerance)
-        before = f"look {look.step}: {_short(look.decision)} -> {look.action}"
-        if names:
-            changed += 1
-            sys.stdout.write(f"{before}; now {_short(now)} (differs: {', '.join(names)})\n")
-        else:
-            sys.stdout.write(f"{before}; the same\n")
+    with viewer_of(rerun) as viewer:
+        for look in looks(run, events):
+            total += 1
+            if kept is not None:
+                kept.perception = look.perception
+            decision = pipeline.decide(look.frame, look.expected_deg)
+            if viewer is not None:
+                viewer.add(decision)
+            now = decision.to_dict()
+            names = differences(look.decision, now, tolerance)
+            before = f"look {look.step}: {_short(look.decision)} -> {look.action}"
+            if names:
+                changed += 1
+                sys.stdout.write(f"{before}; now {_short(now)} (differs: {', '.join(names)})\n")
+            else:
+                sys.stdout.write(f"{before}; the same\n")
     sys.stderr.write(f"{total - changed} of {total} decisions are the same\n")
     if events[-1]["event"] != "end":
         sys.stderr.write("the run has no end: it was cut off\n")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 from contextlib import ExitStack
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -21,9 +21,13 @@ from doorway3ds.cli.shared.robot import (
     require_robot,
 )
 from doorway3ds.cli.shared.signals import ended_by_sigterm
+from doorway3ds.cli.shared.viewer import Rerun, viewer_of
 from doorway3ds.decide.options import DecideOptions
 from doorway3ds.errors import UserError
 from doorway3ds.robots.options import MotionOptions
+
+if TYPE_CHECKING:
+    from doorway3ds.types import Decision, Frame
 
 _SAID = {
     "aligned": "I am facing the doorway.",
@@ -47,6 +51,7 @@ def run(
     decide: DecideOptions,
     robot: Annotated[str, typer.Option(metavar="ROBOT", help=ROBOT_HELP)] = "dry",
     log: RunFolder = None,
+    rerun: Rerun = None,
     say: Annotated[bool, typer.Option("--say", help="Let the robot say how it ended.")] = False,
     rest: Annotated[bool, typer.Option("--rest", help="Let NAO rest afterwards: motors off.")] = (
         False
@@ -71,9 +76,15 @@ def run(
         record = stack.enter_context(logged(log, decide, pipeline, found, driver))
         params = LoopParams(aligned_deg=decide.aligned_deg, blocked_s=motion.blocked_s)
         check = pipeline.check_way if pipeline.method == "opening" else None
-        report = Loop(
-            found, pipeline.decide, driver, params, check=check, log=record, tell=_tell
-        ).run()
+        viewer = stack.enter_context(viewer_of(rerun))
+
+        def judge(frame: Frame, expected_deg: float | None) -> Decision:
+            decision = pipeline.decide(frame, expected_deg)
+            if viewer is not None:
+                viewer.add(decision)
+            return decision
+
+        report = Loop(found, judge, driver, params, check=check, log=record, tell=_tell).run()
         if say and motion.move:
             with contextlib.suppress(UserError):
                 driver.robot.say(_SAID.get(report.outcome, "I stopped."))

@@ -115,12 +115,13 @@ class BagRecorder:
         seen = messages.header(make, CAMERA, stamp)
         top = messages.header(make, ROBOT, stamp)
         out = {
-            "/camera/image_raw/compressed": messages.compressed(make, seen, frame.image),
-            "/camera/camera_info": messages.camera_info(make, seen, frame.camera),
+            # A reader needs these before the image.
             "/tf": make(
                 _TYPES["/tf"],
                 transforms=[messages.camera_transform(make, top, CAMERA, frame.pose)],
             ),
+            "/camera/camera_info": messages.camera_info(make, seen, frame.camera),
+            "/camera/image_raw/compressed": messages.compressed(make, seen, frame.image),
             "/doorway3ds/decision": messages.decision_text(make, answer),
             "/doorway3ds/p_open": messages.number(make, decision.p_open),
             "/doorway3ds/markers": messages.markers(make, top, decision),

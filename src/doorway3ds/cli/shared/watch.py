@@ -25,6 +25,7 @@ class Watch:
     """Shows and keeps what a session decides.
 
     decided: is called with each frame's own decision. why: how `all` ended.
+    keep: are called with every update and its line of JSON.
     """
 
     why = "the source ended"
@@ -35,6 +36,7 @@ class Watch:
 
     def __init__(self, session: Session, as_json: bool, film: Film | None = None) -> None:
         self.session, self._as_json, self._film = session, as_json, film
+        self.keep: list[Callable[[Update, dict[str, Any]], None]] = []
         self._lost = False
         self._said: tuple[str, float] = ("", 0.0)
 
@@ -72,6 +74,10 @@ class Watch:
             from doorway3ds.draw import overlay
 
             self._film.add(overlay(tracked.decision), raw.frame.stamp_s)
+        if self.keep:
+            line = self._line(tracked, update.name)
+            for keep in self.keep:
+                keep(update, line)
         if self.log is not None:
             self.log.look(update.number, raw, str(tracked.decision.reason))
             self.log.write("tracked", step=update.number, **tracked.to_dict())
