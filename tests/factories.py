@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +70,24 @@ def film(
         writer.write(np.full((size[1], size[0], 3), index * STEP % 256, np.uint8))
     writer.release()
     return path
+
+
+def patched(path: Path, boxes: str, edit: Callable[[bytes], bytes]) -> None:
+    """Edits the body of one box of an MP4's video track, which may grow: the index stands last."""
+    data = path.read_bytes()
+    at, parents = 0, []
+    for name in boxes.split("/"):
+        at = data.index(name.encode(), at) - 4
+        parents.append(at)
+        at += 8
+    size = int.from_bytes(data[parents[-1] : parents[-1] + 4], "big")
+    body = data[at : parents[-1] + size]
+    new = edit(body)
+    out = bytearray(data[:at] + new + data[parents[-1] + size :])
+    for place in parents:
+        grown = int.from_bytes(out[place : place + 4], "big") + len(new) - len(body)
+        out[place : place + 4] = grown.to_bytes(4, "big")
+    path.write_bytes(bytes(out))
 
 
 def number(image: NDArray[np.uint8]) -> int:

@@ -46,15 +46,15 @@ def texture(board: Board) -> tuple[np.ndarray, float]:
     return np.pad(drawn, per_square, constant_values=255), per_square / board.square_m
 
 
-def photograph(board: Board, view: tuple[float, ...]) -> np.ndarray:
-    """The board seen through LENS, twice oversampled."""
+def photograph(board: Board, view: tuple[float, ...], lens: Camera = LENS) -> np.ndarray:
+    """The board seen through a lens, twice oversampled."""
     drawn, scale = texture(board)
     angles = np.radians(view[:3])
     turn = np.eye(3)
     for axis, angle in zip(np.eye(3), angles, strict=True):
         turn = turn @ cv2.Rodrigues(axis * angle)[0]
     middle = np.array(view[3:])
-    fine = LENS.scaled_to(1280, 960)
+    fine = lens.scaled_to(1280, 960)
     x, y = np.meshgrid(np.arange(1280), np.arange(960))
     rays = pixel_to_ray(fine, np.stack([x, y], -1))
     distance = (middle @ turn[:, 2]) / (rays @ turn[:, 2])
@@ -134,3 +134,36 @@ def test_the_command_writes_a_camera_file(tmp_path, chess_pictures, capsys):
     check(camera)
     assert run([*call[:2], "--board", "9by6"]) == 2
     assert "--board" in capsys.readouterr().err
+
+
+# An equidistant lens of 122 deg; what the polynomials make of it must not turn back in the image.
+WIDE = Camera("wide", 640, 480, 300.0, 300.0, 322.0, 238.0, (0.0,) * 4, False, "equidistant")
+
+
+def test_the_model_is_the_one_that_predicts_other_views(tmp_path, capsys):
+    rng = np.random.default_rng(5)
+    for number in range(10):
+        x, y, z = rng.uniform(-0.17, 0.17), rng.uniform(-0.12, 0.12), rng.uniform(0.16, 0.28)
+        view = (*rng.uniform(-25, 25, 2), rng.uniform(-15, 15), x, y, z)
+        write_image(tmp_path / "shots" / f"{number}.png", photograph(CHESS, view, WIDE))
+    call = ["calibrate", str(tmp_path / "shots"), "--out", str(tmp_path / "wide.yaml")]
+    assert run(call) == 0
+    assert "equidistant chosen" in capsys.readouterr().out
+    camera = read_camera_info(tmp_path / "wide.yaml")
+    assert camera.untrusted == 0
+    xy = np.array([(5.0, 240.0), (634.0, 240.0), (320.0, 20.0), (320.0, 240.0)])
+    ours, true = (np.arctan(np.hypot(*pixel_to_ray(c, xy)[:, :2].T)) for c in (camera, WIDE))
+    assert np.degrees(np.abs(ours - true)).max() < 0.8
+    assert run([*call, "--model", "spline"]) == 2
+    assert "plumb_bob, rational_polynomial, fisheye" in capsys.readouterr().err
+
+
+def test_pictures_taken_either_way_up_are_of_one_sensor(tmp_path, chess_pictures):
+    from tests.factories import encode
+
+    for number, (_, image) in enumerate(chess_pictures):
+        held = 3 if number % 2 else 1
+        (tmp_path / f"{number}.jpg").write_bytes(encode(image, orientation=held))
+    out = tmp_path / "sensor.yaml"
+    assert run(["calibrate", str(tmp_path), "--out", str(out), "--model", "plumb_bob"]) == 0
+    check(read_camera_info(out))

@@ -57,6 +57,9 @@ class Webcam:
         self.settings[prop] = value
         return True
 
+    def get(self, prop: int, /) -> float:
+        return self.settings.get(prop, 0.0)
+
     def release(self) -> None:
         self.released += 1
 

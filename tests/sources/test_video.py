@@ -1,14 +1,17 @@
 from __future__ import annotations
 
+import struct
 import time
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
+from doorway3ds.camera import Camera
 from doorway3ds.errors import UserError
 from doorway3ds.sources import SourceLost, open_source
-from tests.factories import film, number
+from tests.factories import film, number, patched
 
 KINDS = [("avi", "MJPG"), ("mp4", "mp4v"), ("webm", "VP80")]
 
@@ -76,7 +79,7 @@ def test_a_film_cut_short_gives_what_it_has_and_says_so(
         for frame in source:
             seen.append(frame.stamp_s)
     assert 10 < len(seen) < 30
-    assert f"{len(seen)} of 40 frames" in str(caught.value)
+    assert f"{len(seen)} of about 40 frames" in str(caught.value)
     assert source.ended and source.read() is None
 
 
@@ -98,6 +101,95 @@ def test_a_film_damaged_in_the_middle_never_hangs_or_crashes(tmp_path: Path, pac
                 assert frames + source.skipped + source.damaged >= 25
             except UserError as error:
                 assert path.name in str(error) and "\n" not in str(error)
+
+
+def test_a_film_of_variable_rate_is_read_to_its_end_by_its_own_times(tmp_path: Path) -> None:
+    path = film(tmp_path / "film.mp4", 40, 20, "mp4v")
+
+    def slower(body: bytes) -> bytes:
+        """The last ten frames come ten times as slowly."""
+        delta = struct.unpack_from(">I", body, 12)[0]
+        return struct.pack(">IIIIII", 0, 2, 30, delta, 10, 10 * delta)
+
+    patched(path, "moov/trak/mdia/minf/stbl/stts", slower)
+    path.write_bytes(path.read_bytes().replace(b"edts", b"free"))  # which says its former length
+    with open_source(str(path)) as source:
+        stamps = [frame.stamp_s for frame in source]
+    assert np.diff(stamps) == pytest.approx([0.05] * 30 + [0.5] * 9, abs=2e-3)
+
+
+class Announced:
+    """A film of ten frames, 0.1 s apart, that says of itself what a test wants."""
+
+    def __init__(self, said: dict[int, float]) -> None:
+        self.said, self.at = said, 0
+
+    def isOpened(self) -> bool:
+        return True
+
+    def get(self, prop: int) -> float:
+        return self.at / 10 * 1e3 if prop == cv2.CAP_PROP_POS_MSEC else self.said.get(prop, 0.0)
+
+    def grab(self) -> bool:
+        self.at += 1
+        return self.at <= 10
+
+    def retrieve(self) -> tuple[bool, np.ndarray]:
+        return True, np.zeros((48, 64, 3), np.uint8)
+
+    def release(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize(
+    ("fps", "count", "rate"),
+    [
+        (1000.0, -9.2e18, 10),  # a browser's recording: ticks of a clock, and no length
+        (0.0, 0.0, 10),
+        (float("nan"), 1e12, 10),
+        (30.0, 30.0, 30),  # length times rate
+        (10.0, 10.0, 10),
+    ],
+)
+def test_what_a_film_announces_is_not_trusted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fps: float, count: float, rate: float
+) -> None:
+    said = {cv2.CAP_PROP_FPS: fps, cv2.CAP_PROP_FRAME_COUNT: count}
+    monkeypatch.setattr(cv2, "VideoCapture", lambda *_: Announced(said))
+    (tmp_path / "film.webm").touch()
+    with open_source(str(tmp_path / "film.webm")) as source:
+        assert source.fps == pytest.approx(rate)
+        assert len(list(source)) == 10
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_pixels_become_square_and_the_camera_turns_with_the_film(
+    tmp_path: Path, turned: bool
+) -> None:
+    path = film(tmp_path / "film.mp4", 3, 20, "mp4v")
+    aspect = struct.pack(">I4sII", 16, b"pasp", 2, 1)
+    patched(path, "moov/trak/mdia/minf/stbl/stsd/mp4v", lambda body: body + aspect)
+    if turned:  # by 180 degrees: a phone held the other way
+        matrix = struct.pack(">9i", -1 << 16, 0, 0, 0, -1 << 16, 0, 64 << 16, 48 << 16, 1 << 30)
+        patched(path, "moov/trak/tkhd", lambda body: body[:40] + matrix + body[76:])
+    for camera in (
+        Camera("shown", 128, 48, 56.0, 56.0, 70.5, 22.0),
+        Camera("stored", 64, 48, 28.0, 56.0, 35.0, 22.0),
+    ):
+        with open_source(str(path), camera=camera) as source:
+            frame = next(source)
+        assert frame.image.shape == (48, 128, 3)
+        used = frame.camera
+        assert (used.fx, used.fy) == (56, 56)
+        assert (used.cx, used.cy) == ((56.5, 25) if turned else (70.5, 22))
+
+
+def test_a_codec_that_is_not_decoded_is_named(tmp_path: Path) -> None:
+    path = film(tmp_path / "film.mp4", 3, 20, "mp4v")
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2] + b"stsd....av01")
+    with pytest.raises(UserError, match=r"film\.mp4 is AV1, .* ffmpeg -i film\.mp4"):
+        open_source(str(path))
 
 
 @pytest.mark.parametrize("data", [b"", b"no film at all" * 100])

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera.model import Camera
+from doorway3ds.camera.lens import MODELS
+from doorway3ds.camera.model import Camera, pixel_to_ray, ray_to_pixel
 from doorway3ds.errors import UserError
 
 MIN_PICTURES = 3
+_FOLDS = 4
+_BY_SIMPLICITY = ("plumb_bob", "equidistant", "rational_polynomial")
+_AS_GOOD, _SAME_PX = 1.1, 0.02  # of the best model's held-out error, or this far from it
 Corners = NDArray[np.float32]
 
 
@@ -51,6 +56,8 @@ class Calibration:
     rms_px: reprojection error over all corners. errors_px: the same per used picture, by name.
     without_board: names of the pictures in which no board was found.
     coverage: fraction of the picture's area inside the outline of all corners together.
+    held_out_px: by distortion model, the error in views that it was not fitted to; empty if the
+        model was given.
     """
 
     camera: Camera
@@ -58,6 +65,7 @@ class Calibration:
     errors_px: dict[str, float]
     without_board: tuple[str, ...]
     coverage: float
+    held_out_px: dict[str, float]
 
 
 def find_corners(image: NDArray[np.uint8], board: Board) -> tuple[Corners, Corners] | None:
@@ -106,19 +114,23 @@ def _charuco_corners(grey: NDArray[Any], board: Board) -> tuple[Corners, Corners
 
 
 def calibrate(
-    pictures: Iterable[tuple[str, NDArray[np.uint8]]], board: Board, name: str
+    pictures: Iterable[tuple[str, NDArray[np.uint8]]],
+    board: Board,
+    name: str,
+    model: str | None = None,
 ) -> Calibration:
-    """The camera that took the pictures (name, RGB image), all of one size.
+    """The camera that took the pictures (name, RGB image as the sensor delivered it), of one size.
 
-    Raises UserError where sizes differ, fewer than three pictures show the board, or the result
-    is no camera.
+    model: one of `camera.lens.MODELS`; None: the simplest that predicts views that it was not
+        fitted to about as well as the best, and that can be undone over the whole image.
+
+    Raises UserError if sizes differ, fewer than three pictures show the board, or the result is no
+    camera.
     """
     import cv2
 
     size: tuple[int, int] | None = None
-    points: list[Corners] = []
-    corners: list[Corners] = []
-    used: list[str] = []
+    views: list[_View] = []
     without: list[str] = []
     for picture, image in pictures:
         height, width = image.shape[:2]
@@ -131,22 +143,67 @@ def calibrate(
         found = find_corners(image, board)
         if found is None:
             without.append(picture)
-            continue
-        points.append(found[0])
-        corners.append(found[1])
-        used.append(picture)
-    if size is None or len(used) < MIN_PICTURES:
+        else:
+            views.append(_View(picture, *found))
+    if size is None or len(views) < MIN_PICTURES:
         raise UserError(
-            f"the board of {board.columns}x{board.rows} was found in {len(used)} of "
-            f"{len(used) + len(without)} pictures, at least {MIN_PICTURES} are needed; check "
+            f"the board of {board.columns}x{board.rows} was found in {len(views)} of "
+            f"{len(views) + len(without)} pictures, at least {MIN_PICTURES} are needed; check "
             "--board (a chessboard counts inner corners, ChArUco counts squares) and the light"
         )
-    try:
-        rms, matrix, coefficients, turns, moves = cv2.calibrateCamera(
-            points, corners, size, np.eye(3), np.zeros(5)
+    fits: dict[str, Camera] = {}
+    for candidate in (model,) if model else _BY_SIMPLICITY:
+        camera = _fit(views, size, candidate, name)
+        if camera is not None:
+            fits[candidate] = camera
+    if not fits:
+        raise UserError(
+            "the pictures do not determine a camera; take more, with the board tilted and near "
+            "every corner of the picture"
         )
-        k1, k2, p1, p2, k3 = (float(v) for v in np.ravel(coefficients)[:5])
-        camera = Camera(
+    scores = {} if model else {kind: _held_out_error(views, size, kind) for kind in fits}
+    camera = fits[_choose(fits, scores)]
+    errors = {view.name: _error(camera, view) for view in views}
+    corners = [view.corners for view in views]
+    counts = [len(c) for c in corners]
+    rms = math.sqrt(np.average(np.square(list(errors.values())), weights=counts))
+    hull = cv2.convexHull(np.concatenate(corners))
+    coverage = float(cv2.contourArea(hull)) / (size[0] * size[1])
+    return Calibration(camera, rms, errors, tuple(without), coverage, scores)
+
+
+@dataclass(frozen=True)
+class _View:
+    """One picture's board points (n, 3) in metres and their pixels (n, 2)."""
+
+    name: str
+    points: Corners
+    corners: Corners
+
+
+def _fit(views: Sequence[_View], size: tuple[int, int], model: str, name: str) -> Camera | None:
+    """The camera of these views by OpenCV; None if they do not determine one."""
+    import cv2
+
+    points = [view.points for view in views]
+    corners = [view.corners for view in views]
+    try:
+        if model == "equidistant":
+            _, matrix, found, _, _ = cv2.fisheye.calibrate(
+                [p.reshape(1, -1, 3).astype(np.float64) for p in points],
+                [c.reshape(1, -1, 2).astype(np.float64) for c in corners],
+                size,
+                np.eye(3),
+                np.zeros(4),
+                flags=cv2.CALIB_RECOMPUTE_EXTRINSIC | cv2.CALIB_FIX_SKEW,
+                criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-9),
+            )
+        else:
+            flags = cv2.CALIB_RATIONAL_MODEL if model == "rational_polynomial" else 0
+            _, matrix, found, _, _ = cv2.calibrateCamera(
+                points, corners, size, np.eye(3), np.zeros(5), flags=flags
+            )
+        return Camera(
             name=name,
             width=size[0],
             height=size[1],
@@ -154,18 +211,50 @@ def calibrate(
             fy=float(matrix[1, 1]),
             cx=float(matrix[0, 2]),
             cy=float(matrix[1, 2]),
-            distortion=(k1, k2, p1, p2, k3),
+            distortion=tuple(float(v) for v in np.ravel(found)[: MODELS[model]]),
+            distortion_model=model,
         )
-    except (cv2.error, ValueError) as error:
-        raise UserError(
-            "the pictures do not determine a camera; take more, with the board tilted and near "
-            "every corner of the picture"
-        ) from error
-    errors = {}
-    for picture, p, c, turn, move in zip(used, points, corners, turns, moves, strict=True):
-        seen, _ = cv2.projectPoints(p, turn, move, matrix, coefficients)
-        off = np.asarray(seen).reshape(-1, 2) - c
-        errors[picture] = float(np.sqrt(np.mean(np.sum(off * off, axis=1))))
-    hull = cv2.convexHull(np.concatenate(corners))
-    coverage = float(cv2.contourArea(hull)) / (size[0] * size[1])
-    return Calibration(camera, float(rms), errors, tuple(without), coverage)
+    except (cv2.error, ValueError):
+        return None
+
+
+def _error(camera: Camera, view: _View) -> float:
+    """RMS distance in pixels between a view's corners and where the camera expects them."""
+    import cv2
+
+    rays = pixel_to_ray(camera, view.corners)
+    found, turn, move = cv2.solvePnP(view.points, rays[:, None, :2], np.eye(3), np.zeros(4))
+    if not found:
+        return math.inf
+    seen = view.points @ cv2.Rodrigues(turn)[0].T + move.ravel()
+    off = ray_to_pixel(camera, seen) - view.corners
+    return float(np.sqrt(np.mean(np.sum(off * off, axis=1))))
+
+
+def _held_out_error(views: Sequence[_View], size: tuple[int, int], model: str) -> float:
+    """RMS over all views of the error in each by a camera fitted to others; inf if there is none.
+
+    With fewer views than leave three to fit to, the error of the fit itself.
+    """
+    folds = min(_FOLDS, len(views))
+    if len(views) - math.ceil(len(views) / folds) < MIN_PICTURES:
+        camera = _fit(views, size, model, model)
+        return math.inf if camera is None else _rms([_error(camera, view) for view in views])
+    errors: list[float] = []
+    for fold in range(folds):
+        camera = _fit([v for i, v in enumerate(views) if i % folds != fold], size, model, model)
+        held_out = views[fold::folds]
+        errors += [math.inf if camera is None else _error(camera, view) for view in held_out]
+    return _rms(errors)
+
+
+def _rms(errors: Sequence[float]) -> float:
+    return math.sqrt(sum(e * e for e in errors) / len(errors))
+
+
+def _choose(fits: Mapping[str, Camera], scores: Mapping[str, float]) -> str:
+    """The model to keep: one that can be undone everywhere if any can, simple before exact."""
+    whole = [model for model in fits if fits[model].untrusted == 0]
+    able = whole or [min(fits, key=lambda model: fits[model].untrusted)]
+    best = min(scores.get(model, 0.0) for model in able)
+    return next(m for m in able if scores.get(m, 0.0) <= max(_AS_GOOD * best, best + _SAME_PX))

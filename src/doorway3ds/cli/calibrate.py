@@ -12,6 +12,11 @@ import typer
 
 from doorway3ds.errors import CallError, UserError
 
+_MODELS = {
+    "plumb_bob": "plumb_bob",
+    "rational_polynomial": "rational_polynomial",
+    "fisheye": "equidistant",
+}
 GOOD_RMS_PX = 0.5  # per 640 columns; above it something moved, blurred or was not flat
 GOOD_COVERAGE = 0.5
 
@@ -33,6 +38,13 @@ def calibrate(
     dictionary: Annotated[
         str, typer.Option(help="OpenCV's name of the ChArUco markers' dictionary.")
     ] = "DICT_4X4_50",
+    model: Annotated[
+        str | None,
+        typer.Option(
+            metavar="|".join(_MODELS),
+            help="Lens model; default: the one that predicts held-out views best.",
+        ),
+    ] = None,
     out: Annotated[Path, typer.Option(help="The camera_info YAML to write.")] = Path("camera.yaml"),
     name: Annotated[str | None, typer.Option(help="The camera's name; default: of --out.")] = None,
 ) -> None:
@@ -45,7 +57,7 @@ def calibrate(
     """
     from doorway3ds.camera.calibration import Board
     from doorway3ds.camera.calibration import calibrate as run
-    from doorway3ds.camera.info import write_camera_info
+    from doorway3ds.camera.info import check_lens, write_camera_info
     from doorway3ds.cli.shared.inputs import expand
 
     size = re.fullmatch(r"(\d+)x(\d+)", board)
@@ -53,6 +65,8 @@ def calibrate(
         raise CallError(f"--board is columns x rows, as in 9x6, got '{board}'")
     if not charuco and marker_mm is not None:
         raise CallError("--marker-mm belongs to a ChArUco board; add --charuco")
+    if model is not None and model not in _MODELS:
+        raise CallError(f"--model must be one of {', '.join(_MODELS)}, got '{model}'")
     side = square_mm / 1e3
     marker = (0.75 * side if marker_mm is None else marker_mm / 1e3) if charuco else None
     try:
@@ -63,7 +77,10 @@ def calibrate(
     inputs, errors = expand(images)
     if errors:
         raise UserError(errors[0])
-    found = run(_pictures(inputs), pattern, name or out.stem)
+    found = run(
+        _pictures(inputs), pattern, name or out.stem, None if model is None else _MODELS[model]
+    )
+    check_lens(found.camera, str(out))
     write_camera_info(found.camera, out)
 
     camera = found.camera
@@ -71,6 +88,9 @@ def calibrate(
         typer.echo(f"{picture}: {off_px:.3f} px")
     for picture in found.without_board:
         typer.echo(f"{picture}: no board found")
+    if found.held_out_px:
+        scores = ", ".join(f"{kind} {px:.3f} px" for kind, px in found.held_out_px.items())
+        typer.echo(f"{camera.distortion_model} chosen; error in held-out views: {scores}")
     typer.echo(
         f"reprojection error {found.rms_px:.3f} px over {len(found.errors_px)} pictures; "
         f"fx {camera.fx:.1f} fy {camera.fy:.1f} cx {camera.cx:.1f} cy {camera.cy:.1f}, "
@@ -89,7 +109,8 @@ def calibrate(
 
 
 def _pictures(inputs: list[Any]) -> Iterator[tuple[str, Any]]:
-    from doorway3ds.images.codec import read_image
+    from doorway3ds.images.codec import as_stored, read_image
 
     for item in inputs:
-        yield item.name, read_image(item.read(), name=item.name).image
+        # As stored: a camera file is of the sensor, however the camera was held.
+        yield item.name, as_stored(read_image(item.read(), name=item.name))

@@ -8,10 +8,10 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 import cv2
-import numpy as np
 
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.sources.base import Capture, Shot
+from doorway3ds.sources.reader import pixel_aspect, rgb, square
 from doorway3ds.sources.uri import query
 
 _TIMEOUT_MS = 5000
@@ -27,6 +27,8 @@ class Reader(Protocol):
 
     def set(self, prop: int, value: float) -> bool: ...
 
+    def get(self, prop: int, /) -> float: ...
+
     def release(self) -> None: ...
 
 
@@ -36,6 +38,7 @@ class OpenCvCapture:
     def __init__(self, reader: Reader, expected: str) -> None:
         self._reader = reader
         self._begun = False
+        self._aspect: float | None = None
         if not reader.isOpened():
             reader.release()
             raise UserError(f"expected {expected}, and none answers")
@@ -53,9 +56,10 @@ class OpenCvCapture:
         if self._begun and stamp_s - asked_s > _STALL_S:
             raise UserError(f"no picture for {stamp_s - asked_s:.0f} s")
         self._begun = True
-        if image.ndim == 2:
-            image = np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
-        return Shot(np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8), stamp_s)
+        if self._aspect is None:  # known for sure once an image was decoded
+            self._aspect = pixel_aspect(self._reader)
+        height, width = image.shape[:2]
+        return Shot(square(rgb(image), self._aspect), stamp_s, sent=(width, height))
 
     def close(self) -> None:
         self._reader.release()

@@ -13,11 +13,14 @@ from numpy.typing import NDArray
 from doorway3ds.errors import UserError
 from doorway3ds.sources.base import Source, SourceLost, View
 from doorway3ds.sources.clock import Clock
+from doorway3ds.sources.reader import codec_of, orientation, pixel_aspect, rgb, square
 from doorway3ds.types import Frame
 
 _ASSUMED_FPS = 30.0
 _MOST_SKIPPED_S = 1.0  # of film at a stretch, so that a slow reader still sees something
-_SHORT = 0.9  # fewer than this fraction of the frames announced: the file is damaged
+_SHORT = 0.9  # less than this fraction of the length and of the frames announced: it is cut
+_HIGHEST_FPS = 240.0  # what announces more counts ticks of a clock, not frames
+_MEASURED = 30
 
 
 class VideoFile(Source):
@@ -38,11 +41,14 @@ class VideoFile(Source):
         self._clock = Clock()
         self._lock = threading.Lock()  # OpenCV's readers must not be released while they read
         self._film = self._open()
-        fps = self._film.get(cv2.CAP_PROP_FPS)
-        self.fps = fps if math.isfinite(fps) and 0 < fps <= 1000 else _ASSUMED_FPS
-        self._period_s = 1 / self.fps
+        rate = self._film.get(cv2.CAP_PROP_FPS)
         count = self._film.get(cv2.CAP_PROP_FRAME_COUNT)
+        sound = math.isfinite(rate) and rate > 0
         self._announced = int(count) if math.isfinite(count) and 0 < count < 1e9 else 0
+        self._length_s = self._announced / rate if sound else 0.0
+        self.fps = rate if sound and rate <= _HIGHEST_FPS else self._measured_fps()
+        self._period_s = 1 / self.fps
+        self._aspect, self._turned = pixel_aspect(self._film), orientation(self._film)
         self._number = 0
         self._begun_s, self._last_s = 0.0, -self._period_s
         self._pending: float | None = None
@@ -51,10 +57,31 @@ class VideoFile(Source):
         film = cv2.VideoCapture(str(self._path.resolve()), cv2.CAP_FFMPEG)
         if not film.isOpened():
             film.release()
+            self._refuse_codec()
             raise UserError(
                 f"{self.name} cannot be opened as a video; expected a file that FFmpeg reads, whole"
             )
         return film
+
+    def _refuse_codec(self) -> None:
+        """UserError if the film is of a codec that OpenCV's FFmpeg may lack."""
+        codec = codec_of(self._path)
+        if codec is not None:
+            raise UserError(
+                f"{self.name} is {codec}, which OpenCV's FFmpeg does not decode here; convert it, "
+                f"as in: ffmpeg -i {self._path.name} -c:v libx264 film.mp4"
+            )
+
+    def _measured_fps(self) -> float:
+        """The rate by the first frames' own times; a film of variable rate announces any."""
+        film = self._open()
+        stamps: list[float] = []
+        while len(stamps) < _MEASURED and film.grab():
+            stamps.append(film.get(cv2.CAP_PROP_POS_MSEC) / 1000)
+        film.release()
+        if len(stamps) < 2 or not stamps[-1] > stamps[0]:
+            return _ASSUMED_FPS
+        return min((len(stamps) - 1) / (stamps[-1] - stamps[0]), _HIGHEST_FPS)
 
     def read(self, timeout_s: float | None = None) -> Frame | None:
         while not self.ended:
@@ -70,7 +97,13 @@ class VideoFile(Source):
                 image = self._picture()
                 if image is not None:
                     self.frame_name = f"{self.name}#{self._number}"
-                    return self._view.frame(image, stamp_s)
+                    height, width = image.shape[:2]
+                    return self._view.frame(
+                        square(image, self._aspect),
+                        stamp_s,
+                        orientation=self._turned,
+                        sent=(width, height),
+                    )
         return None
 
     def _overdue(self, stamp_s: float) -> bool:
@@ -101,15 +134,21 @@ class VideoFile(Source):
     def _finish(self) -> None:
         """After the last frame: begins again, ends, or says what is missing."""
         self._film.release()
-        read = self._number
-        if read == 0 or read < _SHORT * self._announced - 2 or not self._loop:
+        read, seen_s = self._number, self._last_s - self._begun_s
+        # A count is often the film's length times some rate, so neither is trusted alone.
+        cut = (
+            read < _SHORT * self._announced - 2
+            and seen_s + 2 * self._period_s < _SHORT * self._length_s
+        )
+        if read == 0 or cut or not self._loop:
             self.ended = True
             if read == 0:
+                self._refuse_codec()
                 raise UserError(f"{self.name} holds no frame that can be read; is it whole?")
-            if read < _SHORT * self._announced - 2:
+            if cut:
                 raise SourceLost(
-                    f"{self.name} is damaged: {read} of {self._announced} frames could be read, "
-                    f"up to {self._last_s - self._begun_s:.1f} s"
+                    f"{self.name} breaks off: {read} of about {self._announced} frames could be "
+                    f"read, up to {seen_s:.1f} of {self._length_s:.1f} s"
                 )
             return
         self._begun_s, self._number = self._last_s + self._period_s, 0
@@ -122,7 +161,7 @@ class VideoFile(Source):
             self.damaged += 1
             self.notice(f"{self.name}: frame {self._number} cannot be decoded")
             return None
-        return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
+        return rgb(image)
 
     def close(self) -> None:
         self._clock.stop()
