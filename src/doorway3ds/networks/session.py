@@ -113,15 +113,6 @@ class Session:
                 )
         return dict(zip(self.outputs, values, strict=True))
 
-    def warm_up(self, height: int, width: int) -> None:
-        """Runs once on a black picture, so that the first real one is as fast as the next.
-
-        height, width: for the sizes that the layout leaves open.
-        """
-        open_sizes = iter((height, width))
-        shape = [next(open_sizes) if size is None else size for size in self.layout]
-        self.run(np.zeros(shape, np.float32))
-
     def misfit(self, name: str, expected: str, got: object) -> UserError:
         """The error for an output of an unusable shape."""
         return UserError(

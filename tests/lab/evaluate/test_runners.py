@@ -69,7 +69,9 @@ def test_any_function_of_a_frame_can_be_measured(nyu):
         seen = Perception(0.9)
         return decide(seen, Selection(12.0, None, None, None), frame, "paper")
 
-    answer = runners.pipeline_answer(Label("left", "none"), left)
+    def answer(frame, _):
+        return {Label("left", "none"): left(frame)}
+
     (records,) = runners.run_direction(read_dataset(nyu).samples, answer).records.values()
     assert {r.listed for r in records} == {((12.0, None),)}
 

@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 FloatArray = NDArray[np.floating[Any]]
 
 DEPTH_LIMITS_M = (1e-3, 10.0)
-# Eigen et al. 2014, rows and columns of a 480x640 NYU picture that hold true depth.
-EIGEN_BOX = (45, 471, 41, 601)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,10 +41,9 @@ from doorway3ds.networks.base import thresholds_of
 from doorway3ds.networks.limits import override
 from doorway3ds.types import Decision, Frame, Perception, Selection
 
+Read = TypeVar("Read")
 # `networks.Network`, or any function of a picture and its camera
 Network = Callable[[NDArray[np.uint8], Camera], Perception]
-# `pipeline.Pipeline`, or any function of a frame
-Decide = Callable[[Frame], Decision]
 
 
 @dataclass(frozen=True)
@@ -92,12 +91,7 @@ def run_direction(
     where no picture could be read.
     """
     runs = DirectionRuns()
-    for sample in samples:
-        try:
-            known = _known(sample)
-        except UserError as error:
-            runs.left_out[sample.name] = str(error)
-            continue
+    for sample, known in _readable(samples, _known, runs.left_out):
         for label, decision in answer(known.frame, known.depth_m).items():
             answered = answer_json(sample.name, sample.place, label, decision)
             record = record_from_decision(known.truth, decision)
@@ -176,11 +170,6 @@ def methods_on(
     return answer
 
 
-def pipeline_answer(label: Label, pipeline: Decide) -> Answer:
-    """An `answer` for run_direction from a pipeline or any function of a frame."""
-    return lambda frame, _: {label: pipeline(frame)}
-
-
 def read_answers(paths: Sequence[Path]) -> dict[Label, dict[str, dict[str, Any]]]:
     """Stored answers by column and by the image's name as written.
 
@@ -240,15 +229,13 @@ def match_answers(
     """Records of stored answers, of the pictures that every column answers."""
     runs = DirectionRuns()
     by_end = {label: _by_name_end(answers) for label, answers in stored.items()}
-    for sample in samples:
+
+    def read(sample: Sample) -> _Known:
         if not all(sample.name in ends for ends in by_end.values()):
-            runs.left_out[sample.name] = "a column of the table has no stored answer for it"
-            continue
-        try:
-            known = _known(sample)
-        except UserError as error:
-            runs.left_out[sample.name] = str(error)
-            continue
+            raise UserError("a column of the table has no stored answer for it")
+        return _known(sample)
+
+    for sample, known in _readable(samples, read, runs.left_out):
         for label, ends in by_end.items():
             answer = ends[sample.name]
             try:
@@ -270,20 +257,18 @@ def run_classifier(
     """Each network's records, and the pictures left out; half-open pictures are left out."""
     records: dict[str, list[ClassifierRecord]] = {name: [] for name in networks}
     left_out: dict[str, str] = {}
-    for sample in samples:
+
+    def read(sample: Sample) -> tuple[bool, Frame, tuple[str, ...]]:
         if sample.is_open is None:
-            left_out[sample.name] = "half open: neither class"
-            continue
-        try:
-            frame = load_frame(sample)
-            kinds = () if sample.is_open else kinds_shown(sample, load_labels(sample))
-        except UserError as error:
-            left_out[sample.name] = str(error)
-            continue
+            raise UserError("half open: neither class")
+        kinds = () if sample.is_open else kinds_shown(sample, load_labels(sample))
+        return sample.is_open, load_frame(sample), kinds
+
+    for sample, (is_open, frame, kinds) in _readable(samples, read, left_out):
         for name, network in networks.items():
             p_open = float(network(frame.image, frame.camera).p_open)
             records[name].append(
-                ClassifierRecord(sample.name, sample.place, sample.is_open, p_open, kinds)
+                ClassifierRecord(sample.name, sample.place, is_open, p_open, kinds)
             )
     _some_left(records, left_out)
     return records, left_out
@@ -307,15 +292,14 @@ def run_depth(
     """Each network's records under each protocol that the samples allow."""
     records: dict[Protocol, list[DepthRecord]] = {}
     left_out: dict[str, str] = {}
-    for sample in samples:
-        try:
-            frame, truth = load_frame(sample), load_depth(sample)
-        except UserError as error:
-            left_out[sample.name] = str(error)
-            continue
+
+    def read(sample: Sample) -> tuple[Frame, NDArray[np.float32]]:
+        truth = load_depth(sample)
         if truth is None:
-            left_out[sample.name] = "no true depth"
-            continue
+            raise UserError("no true depth")
+        return load_frame(sample), truth
+
+    for sample, (frame, truth) in _readable(samples, read, left_out):
         boxes: dict[str, tuple[int, int, int, int] | None] = {"whole": None}
         if sample.eigen_box is not None:
             boxes["eigen"] = sample.eigen_box
@@ -374,6 +358,19 @@ def predicted_depth(
             frame, image=image, camera=frame.camera.mirrored(), pose=frame.pose.mirrored()
         )
         yield True, depth_scores.average_with_mirrored(plain, depth_of(flipped))
+
+
+def _readable(
+    samples: Iterable[Sample], read: Callable[[Sample], Read], left_out: dict[str, str]
+) -> Iterator[tuple[Sample, Read]]:
+    """Each sample with what is read of it; what cannot be read is named in `left_out`."""
+    for sample in samples:
+        try:
+            found = read(sample)
+        except UserError as error:
+            left_out[sample.name] = str(error)
+        else:
+            yield sample, found
 
 
 @dataclass(frozen=True)

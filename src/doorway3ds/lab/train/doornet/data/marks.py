@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from doorway3ds.errors import UserError
+from doorway3ds.lab.datasets.csvfile import csv_rows
 from doorway3ds.lab.train.doornet.data.samples import CONFIDENCE, Sample, Span
 
 _COLUMNS = ("image", "open", "left", "right", "clear", "confidence")
@@ -30,24 +30,16 @@ def read_marks(path: Path) -> dict[str, Mark]:
     Raises UserError naming the first line that is none of this.
     """
     found: dict[str, Mark] = {}
-    try:
-        with path.open(newline="", encoding="utf-8") as stream:
-            rows = csv.DictReader(stream)
-            missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
-            if missing:
-                raise UserError(f"{path} has no column {', '.join(missing)}")
-            for number, row in enumerate(rows, start=2):
-                try:
-                    mark = _mark(row)
-                except (ValueError, KeyError) as error:
-                    raise UserError(
-                        f"{path} line {number}: expected open 0 or 1, left < right within 0..1, "
-                        f"clear 0, 1 or empty and confidence 1..3, got {dict(row)}"
-                    ) from error
-                seen = found.get(row["image"])
-                found[row["image"]] = mark if seen is None else _both(seen, mark)
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise UserError(f"cannot read the marks {path}: {error}") from error
+    for where, row in csv_rows(path, _COLUMNS):
+        try:
+            mark = _mark(row)
+        except (ValueError, KeyError) as error:
+            raise UserError(
+                f"{where}: expected open 0 or 1, left < right within 0..1, clear 0, 1 or empty "
+                f"and confidence 1..3, got {row}"
+            ) from error
+        seen = found.get(row["image"])
+        found[row["image"]] = mark if seen is None else _both(seen, mark)
     return found
 
 
