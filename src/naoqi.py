@@ -6,10 +6,13 @@ NAOqi's own module, if it is installed, is taken instead.
 import sys
 from importlib.machinery import PathFinder
 from importlib.util import module_from_spec
+from itertools import dropwhile
 from pathlib import Path
 
-_others = [p for p in sys.path if Path(p or ".").resolve() != Path(__file__).resolve().parent]
-_own = PathFinder.find_spec("naoqi", _others)
+_here = Path(__file__).resolve().parent
+# What comes before is found before. Only what comes after: two copies of this must not take turns.
+_after = list(dropwhile(lambda folder: Path(folder or ".").resolve() != _here, sys.path))[1:]
+_own = PathFinder.find_spec("naoqi", _after)
 
 if _own is not None and _own.loader is not None:
     sys.modules[__name__] = module_from_spec(_own)

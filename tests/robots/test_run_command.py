@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +15,7 @@ import pytest
 
 from doorway3ds.camera.info import write_camera_info
 from doorway3ds.camera.model import Camera
+from doorway3ds.lab.sim.robot.body import Body, Gait
 from doorway3ds.lab.sim.robot.nao import Faults
 from doorway3ds.robots.runlog import read_log
 
@@ -133,3 +138,23 @@ def test_a_run_that_moves_says_that_autonomous_life_is_off_and_puts_it_back(
     assert "autonomous life was solitary, now disabled" in ran.err
     assert "autonomous life is solitary again" in ran.err
     assert life.getState() == "solitary"
+
+
+@pytest.mark.nao
+def test_ctrl_c_puts_autonomous_life_back_too(cli: Any, virtual: Any) -> None:
+    nao, where = virtual(body=Body(gait=Gait(speed_deg_s=5.0)))
+    life = nao.services["ALAutonomousLife"]
+    life.setState("solitary")
+
+    def interrupt() -> None:
+        while not nao.body.awake:
+            time.sleep(0.02)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=interrupt, daemon=True).start()
+    uri = f"nao://{where}"
+    ran = cli("run", f"{uri}?resolution=qvga&fps=20", "--robot", uri, "--network", "net.onnx",
+              "--log", "a", "--move")  # fmt: skip
+    assert ran.status == 130
+    assert life.getState() == "solitary"
+    assert not nao.body.moving

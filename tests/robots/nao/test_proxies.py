@@ -149,3 +149,14 @@ def test_naoqis_own_module_is_taken_where_there_is_one(tmp_path: Path) -> None:
         [sys.executable, "-c", script, str(tmp_path)], capture_output=True, text=True, timeout=30
     )
     assert (ran.stdout, ran.stderr) == ("the real one\n", "")
+
+
+def test_two_copies_do_not_look_for_each_other(tmp_path: Path) -> None:
+    import naoqi
+
+    (tmp_path / "naoqi.py").write_text(Path(naoqi.__file__).read_text())
+    script = "import sys; sys.path.insert(0, sys.argv[1]); import naoqi; print(naoqi.ALProxy)"
+    ran = subprocess.run(
+        [sys.executable, "-c", script, str(tmp_path)], capture_output=True, text=True, timeout=30
+    )
+    assert (ran.stdout, ran.stderr) == ("<class 'doorway3ds.robots.nao.proxies.ALProxy'>\n", "")

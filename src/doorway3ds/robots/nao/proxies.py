@@ -55,6 +55,10 @@ def _asked(what: Callable[[], Any]) -> Any:
         return what()
     except RobotError as error:
         raise RuntimeError(str(error)) from None
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            "NAOqi scripts need the qi package: pip install 'doorway3ds[nao]'", name=error.name
+        ) from None
 
 
 def _listed(value: Any) -> Any:
