@@ -137,7 +137,7 @@ def plant(rng: Rng) -> Item:
 
 
 def floor_lamp(rng: Rng) -> Item:
-    h, pole = rng.uniform(1.3, 1.75), grey(rng, 0.05, 0.7)
+    h, pole = rng.uniform(1.4, 1.8), grey(rng, 0.05, 0.7)  # robots pass under the shade
     parts: list[Part] = [
         (pole, cylinder(0.14, 0.03)),
         (pole, cylinder(0.012, h)),

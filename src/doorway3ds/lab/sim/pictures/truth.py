@@ -23,7 +23,7 @@ LEAST_WIDTH = 0.025  # of the picture's width
 LEAST_AREA = 0.004  # of the picture
 LEAST_STEPS = 0.008  # of the picture
 STANDING_STATES = ("wardrobe", "closet", "person", "pet")
-LEAST_OBSTACLE = 0.0005  # of the picture
+LEAST_OBSTACLE = 0.001  # of the picture
 SEEN_ENOUGH = 0.25  # of what the picture shows of the opening, column by column
 
 
@@ -45,6 +45,7 @@ class OpeningTruth:
     jambs_deg: (left, right) bearings of the whole free opening from the lens.
     way: what lies between the turning axis and the sill, by the plan.
     clear: the same as far as the picture shows it; None for a grazing way too.
+    obstacle: share of the picture that shows what stands in the way.
     beyond: threshold, step or stairs at or close behind the sill; they do not block.
     seen: share of the opening within the picture that is not hidden.
     """
@@ -64,6 +65,7 @@ class OpeningTruth:
     way: Way
     clear: bool | None
     confidence: int
+    obstacle: float = 0.0
     beyond: tuple[str, ...] = ()
 
 
@@ -254,6 +256,12 @@ def _opening(
     if portal.state == "archway" and (portal.width > 1.6 or cut is not None):
         sure = min(sure, 2)
     way = way_to(plan, start, target, portal, footprint.width_m)
+    on_floor, obstacle = _on_the_way(view, target, portal, footprint)
+    clear: bool | None = None
+    if way is Way.FREE and on_floor > 0:
+        clear = True
+    if way is Way.BLOCKED and obstacle >= LEAST_OBSTACLE:
+        clear = False
     return OpeningTruth(
         index,
         portal.state,
@@ -268,8 +276,9 @@ def _opening(
         share,
         area,
         way,
-        _clear(way, view, target, portal, footprint),
+        clear,
         sure,
+        obstacle,
         beyond(home, portal, room),
     )
 
@@ -285,12 +294,10 @@ def _on_wall(portal: Portal, view: _View, azimuth: float) -> Float | None:
     return np.asarray(view.lens[:2] + reach * direction) if reach > 0 else None
 
 
-def _clear(
-    way: Way, view: _View, target: Float, portal: Portal, footprint: Footprint
-) -> bool | None:
-    """What the picture shows of the way: True, False, or None where it cannot tell."""
-    if way is Way.GRAZING:
-        return None
+def _on_the_way(
+    view: _View, target: Float, portal: Portal, footprint: Footprint
+) -> tuple[float, float]:
+    """Shares of the picture that show floor, and obstacles or drops, on the way to the sill."""
     start = np.array([view.eye.x, view.eye.y])
     run = target - start
     length = float(np.hypot(*run))
@@ -306,11 +313,9 @@ def _clear(
 
     z = view.points[..., 2]
     strip = within(view.points[..., :2])
-    if way is Way.FREE:
-        return True if (strip & (np.abs(z) < FLOOR_M)).any() else None
     high = strip & (z > LOW_M) & (z < footprint.height_m)
     drop = within(view.on_ground()) & (z < -LOW_M)
-    return False if (high | drop).mean() >= LEAST_OBSTACLE else None
+    return float((strip & (np.abs(z) < FLOOR_M)).mean()), float((high | drop).mean())
 
 
 def _states(furnished: Furnished, view: _View, room: int) -> tuple[str, ...]:

@@ -61,6 +61,7 @@ ENDS = {
 ALIGNED = ("aligned",)
 
 LOW_M = 0.4
+PLAIN_OBSTACLE = 0.005  # of the picture: what a person would not overlook
 TRIES = 2000
 
 
@@ -262,7 +263,8 @@ def _is(scene: str, truth: Truth) -> bool:
     if not seen:
         return False
     if scene in ("blocked", "low_box", "person"):
-        return len(seen) == 1 and _plain(seen[0]) and seen[0].clear is False
+        plain = len(seen) == 1 and _plain(seen[0])
+        return plain and seen[0].clear is False and seen[0].obstacle >= PLAIN_OBSTACLE
     if scene == "two_doors":
         return len(seen) >= 2 and all(_plain(o) and o.clear is True for o in seen[:2])
     if scene == "cut":
