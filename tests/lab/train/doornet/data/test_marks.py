@@ -83,7 +83,7 @@ def test_marks_of_other_pictures_are_refused(tmp_path: Path) -> None:
 
 
 def test_files_that_are_no_marks(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="cannot read .*missing.csv"):
+    with pytest.raises(UserError, match=r"cannot read .*missing\.csv"):
         read_marks(tmp_path / "missing.csv")
     (tmp_path / "other.csv").write_text("name,x\n1,2\n")
     with pytest.raises(UserError, match="lacks the column image; expected image, open"):
