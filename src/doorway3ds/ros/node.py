@@ -26,6 +26,7 @@ from doorway3ds.ros.outputs import Outputs
 from doorway3ds.ros.parameters import BaseOptions, MountOptions, TopicOptions, declare, group
 from doorway3ds.ros.received import pose_of, transform_of
 from doorway3ds.ros.topic import TopicFrame, TopicSource
+from doorway3ds.ros.transforms import bare
 from doorway3ds.sources.base import View
 from doorway3ds.types import Decision, Reason
 
@@ -98,7 +99,7 @@ class DoorwayNode:
         self._rate, self._rated_s = 0.0, time.monotonic()
         self._count = 0
         self._turning = threading.Lock()
-        self._transforms = _transform_buffer(node) if self._topics.use_tf else None
+        self._transforms = transform_buffer(node) if self._topics.use_tf else None
 
         image_topic, kind = self._image_topic()
         choice = choose_camera(mount)
@@ -320,7 +321,7 @@ class DoorwayNode:
         self._diagnostics.publish(messages.diagnostics(make, top, source.problem, facts))
 
 
-def _transform_buffer(node: Any) -> Any:
+def transform_buffer(node: Any) -> Any:
     """The camera's pose by tf2: a function of robot frame and image header; None without tf2."""
     try:
         import tf2_ros
@@ -335,7 +336,7 @@ def _transform_buffer(node: Any) -> Any:
     def pose(robot_frame: str, header: Any) -> Pose | None:
         for stamp in (Time.from_msg(header.stamp), Time()):  # at the image, else the newest
             try:
-                found = buffer.lookup_transform(robot_frame, header.frame_id, stamp)
+                found = buffer.lookup_transform(robot_frame, bare(header.frame_id), stamp)
             except tf2_ros.TransformException:
                 continue
             return pose_of(transform_of(found.transform))
