@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -36,6 +36,7 @@ from doorway3ds.sources.options import SourceOptions
 
 if TYPE_CHECKING:
     from doorway3ds.decide.pipeline import Pipeline
+    from doorway3ds.live.session import Update
     from doorway3ds.robots.base import Driver, Robot
     from doorway3ds.robots.loop import LoopParams, Report
     from doorway3ds.robots.runlog import RunLog
@@ -110,22 +111,24 @@ def live(
         if out is not None:
             film = Film(out, found.fps)
             stack.callback(film.close)
+        keep: list[Callable[[Update, dict[str, Any]], None]] = []
+        if bag is not None:
+            from doorway3ds.ros.recorder import BagRecorder
+
+            recorder = BagRecorder(bag)
+            stack.callback(recorder.close)
+            keep.append(lambda update, line: recorder.add(update.decision, line))
+        viewer = stack.enter_context(viewer_of(rerun))
+        if viewer is not None:
+            show = viewer.add
+            keep.append(lambda update, _: show(update.decision, belief=update.tracked.belief))
         driver = None
         if robot is not None:
             driver = stack.enter_context(driver_of(robot, found, motion))
         heading = _heading(driver.robot) if driver is not None and driver.move else _still
         session = Session(found, pipeline, prefetch=not (found.live or pace), heading=heading)
         watch = Watch(session, as_json, film)
-        if bag is not None:
-            from doorway3ds.ros.recorder import BagRecorder
-
-            recorder = BagRecorder(bag)
-            stack.callback(recorder.close)
-            watch.keep.append(lambda update, line: recorder.add(update.decision, line))
-        viewer = stack.enter_context(viewer_of(rerun))
-        if viewer is not None:
-            show = viewer.add
-            watch.keep.append(lambda update, _: show(update.decision, belief=update.tracked.belief))
+        watch.keep = keep
         if log is not None and robot is None:
             record = stack.enter_context(logged(log, decide, pipeline, found))
             watch.log = stack.enter_context(_ending(record, watch))
