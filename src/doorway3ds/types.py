@@ -19,6 +19,10 @@ from doorway3ds.camera.model import Camera, Pose
 
 FloatArray = NDArray[np.floating[Any]]
 
+# A doorway's distance is off by more than the depth of the pixels round it: it takes the right
+# jamb or the floor's edge, too. Both measured with benchmarks/range_error.py, see docs/results.md.
+RANGE_PER_DEPTH_ERROR = 1.5
+
 
 class Reason(StrEnum):
     """Why the robot should turn, or why not. The first that holds is given."""
@@ -116,6 +120,13 @@ class Perception:
     relative: RelativeDepth | None = None
     network: str = "truth"
     timings_ms: Mapping[str, float] = field(default_factory=dict)
+
+    def range_error_m(self, range_m: float | None) -> float | None:
+        """Standard deviation of a doorway's distance from the true one, as it was measured for
+        the network's depth; None if there is no distance, or its error is not known."""
+        if range_m is None or not self.depth_error:
+            return None
+        return RANGE_PER_DEPTH_ERROR * self.depth_error * range_m
 
 
 @dataclass(frozen=True)

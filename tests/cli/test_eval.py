@@ -1,4 +1,5 @@
 import json
+import re
 
 import cv2
 import numpy as np
@@ -86,6 +87,7 @@ def test_marks_by_hand_tell_kinds_but_not_where(tmp_path, capsys):
     assert run(f"eval direction {tmp_path} --repeats 0 --json {file}".split()) == 0
     shown = capsys.readouterr().out
     assert "No doorway" in shown
+    assert "goes where there is no doorway, n = 1" in shown
     assert "best candidate" not in shown
     door = numbers(file)["runs"][0]["no_doorway_by_kind"]["closed door"]
     assert door["p_open_from_0.5"]["value"] == 1
@@ -133,9 +135,20 @@ def test_standard_out_holds_only_json(nyu, capsys):
     assert json.loads(capsys.readouterr().out)["task"] == "direction"
 
 
-def test_classifier(nyu, tmp_path):
+def test_classifier(nyu, tmp_path, capsys):
     out = tmp_path / "out"
     assert run(f"eval classifier {nyu} --repeats 20 --out {out}".split()) == 0
+    shown = dict(
+        re.split(r"  +", line.strip())[:2]
+        for line in capsys.readouterr().out.splitlines()
+        if "called" in line and "Wilson" not in line
+    )
+    assert shown == {
+        "open, called open": "2",
+        "open, called not open": "0",
+        "not open, called open": "1",
+        "not open, called not open": "0",
+    }
     (scored,) = numbers(out / "report.json")["runs"]
     assert scored["confusion"] == {"tp": 2, "fp": 1, "tn": 0, "fn": 0}
     assert scored["false_open_by_kind"]["closed door"]["value"] == 1

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -215,7 +216,9 @@ def test_the_panel_stays_in_place_whatever_it_says(tmp_path: Path) -> None:
     turn = shown(source, tracked, width=80)
     assert "Turn left 12.4°" in turn[2]
     dial = next(line for line in turn if line.startswith("bearing"))
-    assert dial.index("●") < dial.index("┼") and "12.4° left ± " in dial
+    assert dial.index("●") < dial.index("┼") and "12.4° left, steady to " in dial
+    range_line = next(line for line in turn if line.startswith("distance"))
+    assert re.fullmatch(r"distance +2\.00 m, steady to 0\.\d\d m", range_line)
     assert any("15.8 ms: network 14.2, selection 1.6" in line for line in turn)
     source.problem, source.skipped = "no picture for 5 s", 7
     silent = tracker.without_picture(60.0)

@@ -326,3 +326,17 @@ def test_a_frame_twice_at_one_time_adds_nothing() -> None:
     last = before.raw
     again = tracker.update(replace(last, p_open=0.05))
     assert again.belief == pytest.approx(before.belief)
+
+
+def test_a_steady_distance_still_has_the_networks_error() -> None:
+    """The panel said 4.30 m +- 0.02 m where the truth was 3.74 m."""
+    tracker = Tracker()
+    for t in times(3):
+        seen = look(t, opening(12, range_m=4.3))
+        seen = replace(seen, perception=replace(seen.perception, depth_error=0.16))
+        tracked = tracker.update(seen)
+    told = tracked.to_dict()
+    assert told["range_sd_m"] < 0.1
+    assert abs(told["range_m"] - 3.74) < told["range_error_m"] < 1.5
+    _, true = settled()
+    assert true.to_dict()["range_error_m"] is None

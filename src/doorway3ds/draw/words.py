@@ -91,7 +91,7 @@ def facts(decision: Decision) -> list[Fact]:
         distance = _metres(selection.range_m) or "unknown"
         found = [
             Fact("Bearing", bearing),
-            Fact("Distance", distance),
+            Fact("Distance", distance, _error(decision)),
             Fact("Way", way, _floor(decision)),
         ]
     else:
@@ -118,6 +118,11 @@ def _camera_name(camera: Camera) -> str:
     if camera.assumed and name.startswith("assumed "):
         return f"{name.removeprefix('assumed ')} over the longer side"
     return name
+
+
+def _error(decision: Decision) -> str:
+    error = _metres(decision.perception.range_error_m(decision.selection.range_m))
+    return "" if error is None else f"measured error ± {error}"
 
 
 def _floor(decision: Decision) -> str:

@@ -21,7 +21,8 @@ class Tracked:
     """What is known after a frame.
 
     decision: the decision with memory; its p_open is the belief. raw: this frame's own.
-    bearing_sd_deg, range_sd_m: standard deviations of the smoothed values.
+    bearing_sd_deg, range_sd_m: how steady the smoothed values are (standard deviations), which
+        says nothing of how near they are to the truth; `range_error_m` does.
     age_s: how long the doorway is followed; unseen_s: since when it was not seen.
     number: counts the doorways followed, 0 where there is none.
     """
@@ -38,6 +39,11 @@ class Tracked:
     unseen_s: float = 0.0
     number: int = 0
 
+    @property
+    def range_error_m(self) -> float | None:
+        """The network's measured error at that distance (standard deviation), None if unknown."""
+        return self.decision.perception.range_error_m(self.range_m)
+
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
         decision = self.decision
@@ -50,6 +56,7 @@ class Tracked:
             "bearing_sd_deg": self.bearing_sd_deg,
             "range_m": self.range_m,
             "range_sd_m": self.range_sd_m,
+            "range_error_m": self.range_error_m,
             "clear": decision.selection.clear if self.number else None,
             "free": self.free,
             "look": decision.selection.look if decision.reason is Reason.UNSURE else None,

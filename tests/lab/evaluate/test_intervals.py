@@ -3,7 +3,14 @@ import math
 import numpy as np
 import pytest
 
-from doorway3ds.lab.evaluate.intervals import bootstrap, mean_interval, paired_difference, wilson
+from doorway3ds.lab.evaluate.intervals import (
+    Interval,
+    bootstrap,
+    mean_interval,
+    paired_difference,
+    widened,
+    wilson,
+)
 
 
 def mean_of(values):
@@ -91,3 +98,25 @@ def test_paired_difference_is_narrower_than_its_parts():
     assert found.value == pytest.approx(0.1, abs=0.02)
     assert found.low > 0
     assert found.high - found.low < (part.high - part.low) / 10
+
+
+@pytest.mark.parametrize(
+    ("value", "n", "share", "low", "high"),
+    [
+        (1.0, 1, True, 0.2065, 1.0),
+        (0.0, 600, True, 0.0, 0.0064),
+        (0.5, 1, True, math.nan, math.nan),
+        (1.0, 1, False, math.nan, math.nan),  # one metre off, of one picture
+    ],
+)
+def test_no_interval_has_no_width(value, n, share, low, high):
+    found = widened(Interval(value, value, value, n), share)
+    assert (found.value, found.n) == (value, n)
+    assert (found.low, found.high) == pytest.approx((low, high), abs=1e-4, nan_ok=True)
+
+
+def test_what_resampling_can_vary_stays():
+    found = Interval(0.5, 0.4, 0.6, 9)
+    assert widened(found, share=True) is found
+    unknown = widened(Interval(0.5, math.nan, math.nan, 9), share=True)
+    assert math.isnan(unknown.low)

@@ -25,6 +25,14 @@ def test_every_answer_carries_the_security_headers(shared: Served) -> None:
         assert "server" not in headers
 
 
+def test_head_is_answered_wherever_get_is(shared: Served) -> None:
+    for path, status in (("/healthz", 200), ("/", 200), ("/metrics", 200), ("/v1/decide", 405)):
+        got, head = shared.client.get(path), shared.client.head(path)
+        assert (got.status_code, head.status_code, head.content) == (status, status, b"")
+        assert head.headers["content-type"] == got.headers["content-type"]
+    assert shared.client.head("/v1/stream").status_code == 405
+
+
 def test_a_bug_is_an_error_object_with_headers(
     shared: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -142,15 +142,17 @@ class Panel:
         at = round(_BAR / 2 * (1 - max(-1.0, min(1.0, bearing / half))))
         dial[at] = mark
         side = "left" if bearing > 0 else "right"
-        spread = "+-" if self._plain else "±"
-        degrees = "" if self._plain else "°"
-        return f"{''.join(dial)} {abs(bearing):.1f}{degrees} {side} {spread} {sd:.1f}{degrees}"
+        degrees = " deg" if self._plain else "°"
+        return f"{''.join(dial)} {abs(bearing):.1f}{degrees} {side}, steady to {sd:.1f}{degrees}"
 
     def _distance(self, tracked: Tracked) -> str:
         if tracked.range_m is None or tracked.range_sd_m is None:
             return "unknown"
-        spread = "+-" if self._plain else "±"
-        return f"{tracked.range_m:.2f} m {spread} {tracked.range_sd_m:.2f} m"
+        steady = f"steady to {tracked.range_sd_m:.2f} m"
+        if tracked.range_error_m is None:
+            return f"{tracked.range_m:.2f} m, {steady}"
+        error = f"{'+-' if self._plain else '±'} {tracked.range_error_m:.1f} m"
+        return f"{tracked.range_m:.1f} m {error} as measured for this network, {steady}"
 
     def _camera(self, tracked: Tracked) -> str:
         source, camera = self._source, tracked.raw.frame.camera

@@ -84,7 +84,11 @@ def score(
         return np.array([c.accuracy, c.balanced_accuracy, metrics.auc(t, q), ece])
 
     names = ("accuracy", "balanced_accuracy", "auc", "ece")
-    by_place = intervals.bootstrap(statistic, places, [len(records)] * len(names), repeats, seed)
+    drawn = intervals.bootstrap(statistic, places, [len(records)] * len(names), repeats, seed)
+    by_place = [
+        intervals.widened(value, share="accuracy" in name)
+        for name, value in zip(names, drawn, strict=True)
+    ]
     c = metrics.confusion(truth, answer)
     kinds = sorted({kind for r in records if not r.is_open for kind in r.kinds})
     false_open = {}

@@ -228,7 +228,10 @@ def score(
         pictures=len(records),
         doorway_pictures=sum(bool(record.truth.openings) for record in records),
         places=len(set(places)),
-        values=dict(zip(METRICS, values, strict=True)),
+        values={
+            name: intervals.widened(value, metric.unit == "share")
+            for (name, metric), value in zip(METRICS.items(), values, strict=True)
+        },
     )
 
 

@@ -119,7 +119,18 @@ def mean_interval(
     (found,) = bootstrap(
         lambda indices: np.array([nan_mean(array[indices])]), places, [known], repeats, seed
     )
-    return found
+    return widened(found)
+
+
+def widened(found: Interval, share: bool = False) -> Interval:
+    """`found`, unless resampling could not vary it, as with a single picture: an interval of no
+    width would claim certainty. A share of 0 or 1 then has Wilson's interval, other values none.
+    """
+    if found.low != found.high:  # nan is not equal to itself
+        return found
+    if share and found.value in (0.0, 1.0):
+        return wilson(round(found.value * found.n), found.n)
+    return Interval(found.value, math.nan, math.nan, found.n)
 
 
 def nan_mean(values: NDArray[np.floating[Any]]) -> float:

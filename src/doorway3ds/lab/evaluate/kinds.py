@@ -119,7 +119,8 @@ def score(
         return np.where(n > 0, np.nansum(drawn, axis=0) / np.maximum(n, 1), math.nan)
 
     counts = np.sum(~np.isnan(table), axis=0).tolist()
-    found = intervals.bootstrap(shares, places, counts, repeats, seed, confidence)
+    drawn = intervals.bootstrap(shares, places, counts, repeats, seed, confidence)
+    found = [intervals.widened(value, share=True) for value in drawn]
     return {
         kind: KindScore(
             int(member.sum()),

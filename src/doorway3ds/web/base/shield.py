@@ -19,6 +19,7 @@ Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 
+_ENDLESS = frozenset({"/v1/stream"})
 _HEADERS = (
     (
         "content-security-policy",
@@ -62,6 +63,9 @@ class Shield:
             if scope["type"] == "lifespan":
                 await self._app(scope, receive, send)
             return
+        if scope["method"] == "HEAD" and scope["path"] not in _ENDLESS:
+            # The server below leaves the body out by the request's own method.
+            scope = {**scope, "method": "GET"}
         route = scope["path"] if scope["path"] in self._routes else "other"
         start = time.perf_counter()
         status = 0
@@ -100,7 +104,7 @@ class Shield:
         finally:
             spent = time.perf_counter() - start
             self._metrics.requests.labels(route, str(status)).inc()
-            if route != "/v1/stream":
+            if route not in _ENDLESS:
                 self._metrics.request_seconds.labels(route).observe(spent)
 
     def _admit(self, scope: Scope) -> int | None:

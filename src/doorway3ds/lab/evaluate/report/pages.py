@@ -26,7 +26,8 @@ WORST = 16  # pictures on a contact sheet
 UNITS = {"rmse": "m"}
 INTERVALS = (
     "In brackets: 95 % intervals by resampling places (cluster bootstrap, percentile)"
-    ", but those named Wilson, which take pictures as independent."
+    ", but those named Wilson, and those of shares of 0 and 100 %, of which resampling says "
+    "nothing: they are Wilson's, which take pictures as independent. n: pictures."
 )
 
 DEPTH_NOTE = (
@@ -40,8 +41,8 @@ DEPTH_NOTE = (
 def direction_table(scored: Mapping[Label, DirectionMetrics]) -> Table:
     rows = [
         (
-            metric.title,
-            f"{metric.about} ({_counts([s[name] for s in scored.values()])})",
+            f"{metric.title}, {_counts([s[name] for s in scored.values()])}",
+            metric.about,
             [cell(s[name], metric.unit) for s in scored.values()],
         )
         for name, metric in METRICS.items()
@@ -56,7 +57,11 @@ def difference_table(
     if not differences:
         return None
     rows = [
-        (m.title, f"{m.better} is better", [cell(d[name], m.unit) for d in differences.values()])
+        (
+            f"{m.title}, {_counts([d[name] for d in differences.values()])}",
+            f"{m.better} is better",
+            [cell(d[name], m.unit) for d in differences.values()],
+        )
         for name, m in METRICS.items()
     ]
     return Table(f"Minus {first}", [str(label) for label in differences], rows)
@@ -170,14 +175,17 @@ def classifier_table(scored: Mapping[str, ClassifierMetrics]) -> Table:
     """Scores, confusion counts, and false alarms by kind of negative."""
     columns = list(scored.values())
     rows = [
-        ("accuracy", f"at p_open {columns[0].threshold:g}", _cells(columns, "accuracy", "share")),
         (
-            "balanced accuracy",
-            "mean of both classes",
-            _cells(columns, "balanced_accuracy", "share"),
-        ),
-        ("AUC", "", _cells(columns, "auc", "")),
-        ("calibration error (ECE)", f"{classifier.ECE_BINS} bins", _cells(columns, "ece", "")),
+            f"{title}, {_counts([c.by_place[name] for c in columns])}",
+            about,
+            _cells(columns, name, unit),
+        )
+        for name, title, about, unit in (
+            ("accuracy", "accuracy", f"at p_open {columns[0].threshold:g}", "share"),
+            ("balanced_accuracy", "balanced accuracy", "mean of both classes", "share"),
+            ("auc", "AUC", "", ""),
+            ("ece", "calibration error (ECE)", f"{classifier.ECE_BINS} bins", ""),
+        )
     ]
     for name, about in (
         ("accuracy", "all pictures"),
@@ -185,23 +193,20 @@ def classifier_table(scored: Mapping[str, ClassifierMetrics]) -> Table:
         ("specificity", "not open, called not open"),
     ):
         cells = [cell(c.wilson[name], "share") for c in columns]
-        rows.append(
-            (f"{name}, Wilson", f"{about} ({_counts([c.wilson[name] for c in columns])})", cells)
-        )
-    counts = [c.confusion for c in columns]
-    rows.append(
-        (
-            "confusion",
-            "true open / false open / true not / false not",
-            [f"{c.tp} / {c.fp} / {c.tn} / {c.fn}" for c in counts],
-        )
-    )
+        rows.append((f"{name}, Wilson, {_counts([c.wilson[name] for c in columns])}", about, cells))
+    for name, about in (
+        ("tp", "open, called open"),
+        ("fn", "open, called not open"),
+        ("fp", "not open, called open"),
+        ("tn", "not open, called not open"),
+    ):
+        rows.append((about, "pictures", [str(getattr(c.confusion, name)) for c in columns]))
     for kind in sorted({kind for c in columns for kind in c.false_open}):
         values = [c.false_open[kind] for c in columns]
         rows.append(
             (
-                f"called open: {kind}, Wilson",
-                f"not open, showing it ({_counts(values)})",
+                f"called open: {kind}, Wilson, {_counts(values)}",
+                "not open, showing it",
                 [cell(v, "share") for v in values],
             )
         )
@@ -233,7 +238,14 @@ def add_classifier_pictures(
 
 def depth_table(scored: Mapping[Protocol, DepthMetrics]) -> Table:
     columns = list(scored.values())
-    rows = [(name, _depth_about(name), _depth_cells(columns, name)) for name in depth.MEASURES]
+    rows = [
+        (
+            f"{name}, {_counts([c.mean[name] for c in columns])}",
+            _depth_about(name),
+            _depth_cells(columns, name),
+        )
+        for name in depth.MEASURES
+    ]
     rows += [
         (
             f"{name}, pooled",
