@@ -4,8 +4,8 @@
     python benchmarks/range_error.py nyu answers.jsonl
 
 Prints a row for each span of distances: doorways, the median and the 68th percentile of the error
-(the latter is what a standard deviation would be, without the weight of a few that are far off), the
-middle of the signed error, and the 68th percentile over the distance said, to be compared with
+(the latter is what a standard deviation would be, without the weight of a few that are far off),
+the middle of the signed error, and the 68th percentile over the distance said, to be compared with
 `depth_error` of the network's metadata.
 """
 

@@ -21,7 +21,7 @@ FloatArray = NDArray[np.floating[Any]]
 
 # A doorway's distance is off by more than the depth of the pixels round it: it takes the right
 # jamb or the floor's edge, too. Both measured with benchmarks/range_error.py, see docs/results.md.
-RANGE_PER_DEPTH_ERROR = 1.5
+RANGE_PER_DEPTH_ERROR = 1.8
 
 
 class Reason(StrEnum):
@@ -150,7 +150,7 @@ class Opening:
 
     def to_dict(self) -> dict[str, Any]:
         keys = ("left_deg", "right_deg", "bearing_deg", "range_m", "score", "cut")
-        return {key: getattr(self, key) for key in keys}
+        return {key: getattr(self, key) for key in (*keys, "left_px", "right_px")}
 
 
 @dataclass(frozen=True)

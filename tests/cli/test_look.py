@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import json
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +69,8 @@ def test_json_has_the_contract_s_keys_and_writes_nothing(cli: Cli) -> None:
         "range_m",
         "score",
         "cut",
+        "left_px",
+        "right_px",
     }
     assert not Path("3ds-out").exists()
 
@@ -250,3 +255,72 @@ def test_mirror_looks_twice_and_says_so(cli: Cli) -> None:
     left, right = (opening["bearing_deg"] for opening in twice["openings"])
     assert left == pytest.approx(-right, abs=0.01)
     assert left > 5
+
+
+def test_csv_has_a_line_per_image_under_its_names(cli: Cli) -> None:
+    ran = cli("look", "photo.jpg", "--csv", *NET)
+    (row,) = csv.DictReader(io.StringIO(ran.out))
+    said = json.loads(cli("look", "photo.jpg", "--json", *NET).out)
+    assert (ran.status, row["image"], row["reason"], row["open"]) == (
+        0,
+        "photo.jpg",
+        "turn",
+        "true",
+    )
+    assert float(row["turn_deg"]) == said["turn_deg"]
+    assert float(row["left_px"]) == said["openings"][0]["left_px"] == pytest.approx(0.2 * 160 - 0.5)
+    assert (row["look"], row["cut"], row["camera_assumed"]) == ("", "", "true")
+    assert not Path("3ds-out").exists()
+    both = cli("look", "photo.jpg", "--csv", "--json", *NET)
+    assert both.status == 2 and "give one of them" in both.err
+
+
+def test_folders_of_a_folder_are_looked_into_if_that_is_asked(cli: Cli) -> None:
+    photo = Path("photo.jpg").read_bytes()
+    for name in ("rooms/a.jpg", "rooms/up/b.jpg", "rooms/truth/a.depth.png", "rooms/.git/c.jpg"):
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        Path(name).write_bytes(photo)
+
+    def answered(*options: str) -> list[str]:
+        ran = cli("look", "rooms", "--json", *NET, *options)
+        return [json.loads(line)["image"] for line in ran.out.splitlines()]
+
+    assert answered() == ["rooms/a.jpg"]
+    assert answered("--recursive") == ["rooms/a.jpg", "rooms/up/b.jpg"]
+
+
+def test_the_overlay_is_the_images_own_size_beside_the_page(cli: Cli) -> None:
+    assert cli("look", "photo.jpg", *NET, "--style", "overlay").status == 0
+    assert sorted(p.name for p in Path("3ds-out").iterdir()) == [
+        "photo_3ds-overlay.jpg",
+        "photo_3ds.jpg",
+    ]
+    assert read_image("3ds-out/photo_3ds-overlay.jpg").image.shape == (120, 160, 3)
+
+
+def test_an_image_comes_from_an_address(cli: Cli) -> None:
+    photo = Path("photo.jpg").read_bytes()
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            found = self.path.startswith("/rooms/")
+            self.send_response(200 if found else 404)
+            self.end_headers()
+            self.wfile.write(photo if found else b"no such thing")
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        base = f"http://user:secret@127.0.0.1:{server.server_port}"
+        ran = cli("look", f"{base}/rooms/hall.jpg?size=1", f"{base}/gone.jpg", *NET)
+        server.shutdown()
+    assert ran.status == 1
+    assert "turn left 13.2 deg" in ran.out
+    assert "gone.jpg cannot be read: the server answered 404" in ran.err
+    assert "secret" not in ran.err + ran.out
+    assert Path("3ds-out/hall_3ds.jpg").is_file()
+    nobody = cli("look", "http://127.0.0.1:9/a.jpg", *NET)
+    assert nobody.status == 1
+    assert "a.jpg cannot be read: the server does not answer" in nobody.err

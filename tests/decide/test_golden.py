@@ -26,7 +26,7 @@ def answers() -> dict[str, dict[str, Any]]:
     pipeline = Pipeline.default()
     found = {}
     for picture in EXAMPLES:
-        said = json.loads(picture.with_suffix(".json").read_text())
+        said = json.loads((picture.parent / "truth" / f"{picture.stem}.json").read_text())
         camera = Camera(**said["camera"] | {"distortion": tuple(said["camera"]["distortion"])})
         answer = pipeline(picture, camera=camera, pose=Pose(**said["pose"])).to_dict()
         found[picture.stem] = {key: answer[key] for key in KEYS}

@@ -77,6 +77,7 @@ def label(
 
     import cv2
 
+    from doorway3ds.draw.words import counted
     from doorway3ds.web.label.app import create_label_app, label_settings
 
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
@@ -89,7 +90,9 @@ def label(
             listening.serve(app, "labelling at")
         finally:
             marked = len(set(pictures.names) & set(table.states()))
-            typer.echo(f"{table.path}: {marked} of {len(pictures)} pictures marked", err=True)
+            typer.echo(
+                f"{table.path}: {marked} of {counted(len(pictures), 'picture')} marked", err=True
+            )
 
 
 def _guesser(folder: Path, network: NetworkOptions, fit: FitCamera | None) -> Guesser:

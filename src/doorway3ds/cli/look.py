@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import sys
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -27,25 +31,52 @@ if TYPE_CHECKING:
     from doorway3ds.types import Decision
 
 OUT = Path("3ds-out")
+COLUMNS = (
+    "image", "method", "network", "camera_name", "camera_assumed", "p_open", "open", "reason",
+    "turn_deg", "bearing_deg", "range_m", "clear", "floor_from_m", "look", "score", "cut",
+    "left_deg", "right_deg", "left_px", "right_px",
+)  # fmt: skip
+
+
+class Style(StrEnum):
+    """Which images `3ds look` writes."""
+
+    PAGE = "page"
+    OVERLAY = "overlay"
 
 
 @expanded
 def look(
     images: Annotated[
         list[str],
-        typer.Argument(metavar="IMAGE", help="Files, folders, bag://FILE, or - for stdin."),
+        typer.Argument(
+            metavar="IMAGE", help="Files, folders, http(s) addresses, bag://FILE, or - for stdin."
+        ),
     ],
     camera: CameraOptions,
     decide: DecideOptions,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON object per image and line.")
     ] = False,
+    as_csv: Annotated[
+        bool, typer.Option("--csv", help="One line of CSV per image, under a line of names.")
+    ] = False,
+    recursive: Annotated[
+        bool, typer.Option("--recursive", help="Look into the folders of a folder, too.")
+    ] = False,
     out: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help=f"Folder for annotated images; default ./{OUT}, none with --json."
+            metavar="DIR",
+            help=f"Folder for annotated images; default ./{OUT}, none with --json or --csv.",
         ),
     ] = None,
+    style: Annotated[
+        Style, typer.Option(help="Write the annotated page alone, or the marked image, too.")
+    ] = Style.PAGE,
+    faint: Annotated[
+        bool, typer.Option("--faint", help="Draw candidates that score below 0.1, too.")
+    ] = False,
     depth_dir: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for depth maps in metres, .npy.")
     ] = None,
@@ -62,20 +93,26 @@ def look(
 
     choice = choose_camera(camera)
     pipeline = build_pipeline(decide)
-    if out is None and not as_json:
+    if as_json and as_csv:
+        raise CallError("--json and --csv both say what to print; give one of them")
+    if out is None and not (as_json or as_csv):
         out = OUT
     for folder in (out, depth_dir):
         if folder is not None:
             _make_folder(folder)
 
     bags = [name for name in images if name.startswith("bag://")]
-    inputs, errors = expand(name for name in images if name not in bags)
+    inputs, errors = expand((name for name in images if name not in bags), recursive)
     for message in errors:
         _complain(message)
     total, failed = len(inputs) + len(errors), len(errors)
+    line = _json if as_json else _row if as_csv else _words
+    files = _Files(out, depth_dir, style, faint)
+    if as_csv:
+        sys.stdout.write(_csv_line(COLUMNS) + "\n")
     start = time.monotonic()
     with viewer_of(rerun) as viewer, Progress(len(inputs)) as progress:
-        job = _Job(pipeline, choice, as_json, out, depth_dir, viewer)
+        job = _Job(pipeline, choice, line, files, viewer)
         for done, image in enumerate(inputs):
             progress(done)
             try:
@@ -98,13 +135,12 @@ def look(
 
 @dataclass(frozen=True)
 class _Job:
-    """What is done with each image."""
+    """How each image is decided on, and said."""
 
     pipeline: Pipeline
     choice: CameraChoice
-    as_json: bool
-    out: Path | None
-    depth_dir: Path | None
+    line: Callable[[str, Decision], str]
+    files: _Files
     viewer: Viewer | None
 
     def bag(self, uri: str, camera: CameraOptions) -> tuple[int, int]:
@@ -126,7 +162,7 @@ class _Job:
 
         source = image.read()
         start = time.perf_counter()
-        name = "standard input" if image.name == "-" else image.name
+        name = "standard input" if image.name == "-" else image.shown
         picture = read_image(source, name=name)
         decoded = (time.perf_counter() - start) * 1e3
         try:
@@ -138,26 +174,68 @@ class _Job:
 
     def answer(self, image: Input, decision: Decision) -> None:
         """The line, and the annotated image, depth map and recording that are asked for."""
-        line = f"{image.name}: {describe(decision)}"
-        if self.as_json:
-            line = json.dumps(decision.to_dict(image.name), allow_nan=False)
-        sys.stdout.write(line + "\n")
+        sys.stdout.write(self.line(image.shown, decision) + "\n")
         sys.stdout.flush()
         if self.viewer is not None:
             self.viewer.add(decision)
+        self.files.write(image, decision)
+
+
+@dataclass(frozen=True)
+class _Files:
+    """Which files are written of each image."""
+
+    out: Path | None
+    depth_dir: Path | None
+    style: Style
+    faint: bool
+
+    def write(self, image: Input, decision: Decision) -> None:
+        """The annotated images and the depth map, if they are asked for."""
         if self.out is not None:
-            from doorway3ds.draw import annotate
+            from doorway3ds.draw import annotate, overlay
             from doorway3ds.images.codec import write_image
 
             # Another name than the input's: --out may be the folder that holds the photographs.
-            write_image(self.out / f"{image.stem}_3ds.jpg", annotate(decision))
+            page = annotate(decision, faint=self.faint)
+            write_image(self.out / f"{image.stem}_3ds.jpg", page)
+            if self.style is Style.OVERLAY:
+                marked = overlay(decision, faint=self.faint)
+                write_image(self.out / f"{image.stem}_3ds-overlay.jpg", marked)
         if self.depth_dir is not None:
             depth = decision.perception.depth_m
             if depth is None:
                 raise UserError(
-                    f"{image.name}: network {decision.perception.network} gives no depth"
+                    f"{image.shown}: network {decision.perception.network} gives no depth"
                 )
             _write_array(self.depth_dir / f"{image.stem}.npy", depth)
+
+
+def _json(name: str, decision: Decision) -> str:
+    return json.dumps(decision.to_dict(name), allow_nan=False)
+
+
+def _words(name: str, decision: Decision) -> str:
+    return f"{name}: {describe(decision)}"
+
+
+def _row(name: str, decision: Decision) -> str:
+    """The JSON's values in CSV, those of the best candidate beside them; nothing for null."""
+    said = decision.to_dict(name)
+    camera = {f"camera_{key}": value for key, value in said.pop("camera").items()}
+    best = said["openings"][0] if said["openings"] else {}
+    values = {**best, **said, **camera}
+    return _csv_line([_plain(values.get(column)) for column in COLUMNS])
+
+
+def _plain(value: Any) -> Any:
+    return str(value).lower() if isinstance(value, bool) else value
+
+
+def _csv_line(values: Sequence[Any]) -> str:
+    line = io.StringIO()
+    csv.writer(line, lineterminator="").writerow(values)
+    return line.getvalue()
 
 
 def describe(decision: Decision) -> str:
@@ -202,8 +280,6 @@ def _make_folder(folder: Path) -> None:
 
 
 def _write_array(path: Path, array: Any) -> None:
-    import io
-
     import numpy as np
 
     from doorway3ds.files import write_bytes

@@ -65,6 +65,7 @@ def run(
 
     Example: 3ds run 'sim://home?seed=7' --robot sim --move
     """
+    from doorway3ds.draw.words import counted
     from doorway3ds.robots.loop import Loop, LoopParams
 
     require_robot(robot)
@@ -92,8 +93,8 @@ def run(
             driver.robot.rest()
     sys.stdout.write(f"{report.outcome}: {report.why}\n")
     _tell(
-        f"{report.looks} looks, {report.goes} turns towards a doorway, {report.searches} to look "
-        f"around, {report.took_s:.1f} s; log in {record.folder}"
+        f"{counted(report.looks, 'look')}, {counted(report.goes, 'turn')} towards a doorway, "
+        f"{report.searches} to look around, {report.took_s:.1f} s; log in {record.folder}"
     )
     if report.outcome.status:
         raise typer.Exit(report.outcome.status)

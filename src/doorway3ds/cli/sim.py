@@ -66,7 +66,7 @@ def render(
 @app.command()
 def view(
     out: Annotated[
-        Path, typer.Option(help="Picture to write; NAME.json and NAME.depth.png beside it.")
+        Path, typer.Option(help="Image to write; its truth goes into truth/ beside it.")
     ],
     home: Annotated[int, typer.Option(min=0, help="Seed of the home.")],
     x: Annotated[float, typer.Option(help="Metres in the home's plan.")],

@@ -18,7 +18,7 @@ from doorway3ds.draw.panels import (
     draw_probability,
     draw_scale,
 )
-from doorway3ds.draw.scene import paint_scene
+from doorway3ds.draw.scene import paint_scene, without_faint
 from doorway3ds.draw.text import CAP_HEIGHT, DESCENT, Image, balanced, draw_text, text_width, wrap
 from doorway3ds.draw.words import Fact, facts, headline, sentence, signed
 from doorway3ds.types import Decision, Reason
@@ -30,8 +30,12 @@ _TALLEST = 2400  # of all layouts, with every text at its longest
 _EXTREME = (0.2, 8.0)  # aspects beyond are drawn squeezed to these
 
 
-def overlay(decision: Decision) -> Image:
-    """The photograph at its own size with all marks and the answer in words, for live use."""
+def overlay(decision: Decision, faint: bool = False) -> Image:
+    """The photograph at its own size with all marks and the answer in words, for live use.
+
+    faint: candidates of low score, too.
+    """
+    decision = decision if faint else without_faint(decision)
     image = np.ascontiguousarray(decision.frame.image).copy()
     height, width = image.shape[:2]
     unit = max(min(width, height) / 480, 0.25)
@@ -66,16 +70,19 @@ def _answer(view: View, decision: Decision) -> None:
     draw_text(view.canvas, headline(decision), where, size, color, "semibold", "center")
 
 
-def annotate(decision: Decision, width: int = DESIGN_WIDTH) -> Image:
+def annotate(decision: Decision, width: int = DESIGN_WIDTH, faint: bool = False) -> Image:
     """A page about one decision, (H, width, 3) uint8 RGB; H follows the picture's aspect.
 
     It holds the answer and its reason in words, the photograph with every mark, the angle
     dial, the depth map with its scale and the facts behind the answer.
+
+    faint: candidates of low score, too.
     """
     if width < _SMALLEST_WIDTH:
         raise ValueError(
             f"an annotated picture is at least {_SMALLEST_WIDTH} pixels wide, got {width}"
         )
+    decision = decision if faint else without_faint(decision)
     page = _Page(width)
     top = page.header(decision)
     camera = decision.frame.camera

@@ -6,6 +6,7 @@ besides its colour.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -34,6 +35,8 @@ from doorway3ds.draw.canvas import (
 from doorway3ds.draw.text import Color
 from doorway3ds.draw.words import signed
 from doorway3ds.types import Decision, Opening, Reason
+
+FAINT = 0.1  # score below which a candidate is noise to a person who looks
 
 
 def paint_floor(view: View, floor: NDArray[Any]) -> None:
@@ -127,6 +130,16 @@ def paint_openings(view: View, decision: Decision, labels: bool = True) -> None:
             tag(view, f"{opening.score:.2f}", (middle, 0.22 * view.height), INK, WHITE, 13)
 
 
+def without_faint(decision: Decision) -> Decision:
+    """`decision` without the candidates that score below FAINT, but for the one aimed at."""
+    kept = tuple(
+        opening
+        for index, opening in enumerate(decision.selection.openings)
+        if opening.score >= FAINT or (index == 0 and trusted(decision))
+    )
+    return replace(decision, selection=replace(decision.selection, openings=kept))
+
+
 def trusted(decision: Decision) -> bool:
     """Whether the best opening counts as a doorway seen now, to be drawn as the aim."""
     return decision.open and decision.reason is not Reason.LOST
@@ -195,13 +208,15 @@ def _shade(view: View, left: float, right: float, top: float, bottom: float) -> 
 
 
 def paint_candidate(view: View, opening: Opening) -> None:
-    """A further candidate: thin dashed jambs, none on a side that the edge cuts."""
+    """A further candidate: thin dashed jambs under a lintel, none on a side that the edge cuts."""
     top, bottom = 0.22 * view.height, 0.78 * view.height
-    for side, column in (("left", opening.left_px), ("right", opening.right_px)):
-        if opening.cut in (side, "both"):
-            continue
-        x = view.x(column)
-        dashed(view, [(x, top), (x, bottom)], WHITE, 1.4)
+    left, right = view.x(opening.left_px), view.x(opening.right_px)
+    outline = [(left, top), (right, top)]
+    if opening.cut not in ("left", "both"):
+        outline.insert(0, (left, bottom))
+    if opening.cut not in ("right", "both"):
+        outline.append((right, bottom))
+    dashed(view, outline, WHITE, 1.4)
 
 
 def paint_aim(view: View, pixel: tuple[int, int], color: Color = AZURE) -> None:

@@ -24,6 +24,11 @@ def signed(bearing_deg: float) -> str:
     return f"{size}° {'left' if bearing_deg > 0 else 'right'}"
 
 
+def counted(number: int, thing: str) -> str:
+    """1 look, 2 looks."""
+    return f"{number} {thing}{'' if number == 1 else 's'}"
+
+
 def _metres(distance_m: float | None) -> str | None:
     if distance_m is None or not math.isfinite(distance_m):
         return None
@@ -138,8 +143,9 @@ def _openings(decision: Decision) -> Fact:
     cut = {None: "", "left": ", cut at the left", "right": ", cut at the right"}.get(
         best.cut, ", cut on both sides"
     )
-    value = "1 candidate" if len(openings) == 1 else f"{len(openings)} candidates"
-    return Fact("Openings", value, f"best score {best.score:.2f}{cut}")
+    return Fact(
+        "Openings", counted(len(openings), "candidate"), f"best score {best.score:.2f}{cut}"
+    )
 
 
 def _paper(decision: Decision) -> Fact | None:

@@ -14,6 +14,7 @@ from enum import StrEnum
 from typing import Protocol
 
 from doorway3ds.decide.options import ALIGNED_DEG
+from doorway3ds.draw.words import counted
 from doorway3ds.errors import UserError
 from doorway3ds.robots.base import HALTING, Driver, Refused, RobotLost, TurnEnd, TurnResult
 from doorway3ds.robots.runlog import RunLog
@@ -231,7 +232,7 @@ class Loop:
             self._blocked += 1
             self._freed = 0
             if self._blocked >= params.blocked_looks or not self._driver.move:
-                why = f"the way is blocked in {self._blocked} looks"
+                why = f"the way is blocked in {counted(self._blocked, 'look')}"
                 return _Action("end", outcome=Outcome.BLOCKED, why=why)
             return _Action("wait")
         if decision.reason is Reason.UNSURE:

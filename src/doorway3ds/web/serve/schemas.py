@@ -31,6 +31,8 @@ EXAMPLE: dict[str, Any] = {
             "range_m": 2.8,
             "score": 0.91,
             "cut": None,
+            "left_px": 98.5,
+            "right_px": 277.1,
         }
     ],
     "pixel": [241, 190],
@@ -56,6 +58,8 @@ class OpeningAnswer(BaseModel):
     range_m: float | None
     score: float
     cut: Literal["left", "right", "both"] | None
+    left_px: float = Field(description="Columns of the upright picture at its mid-height.")
+    right_px: float
 
 
 class DecisionAnswer(BaseModel):

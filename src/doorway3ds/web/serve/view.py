@@ -37,10 +37,7 @@ def view_of(decision: Decision) -> dict[str, Any]:
             for fact in facts(decision)
         ],
         "field_of_view_deg": [left, right],
-        "openings": [
-            {**opening.to_dict(), "left_px": opening.left_px, "right_px": opening.right_px}
-            for opening in selection.openings
-        ],
+        "openings": [opening.to_dict() for opening in selection.openings],
         "pixel": list(selection.pixel) if shown and selection.pixel is not None else None,
         "floor": _floor(decision),
         "corridor": _rounded(evidence_points(decision, "corridor_px")) if shown else [],

@@ -1,6 +1,6 @@
 // The robot from above: what the camera sees, where the openings lie, the turn to make.
 import { byId, path, shape } from "./svg.js";
-import { turned } from "./stage.js";
+import { faint, turned } from "./stage.js";
 
 const dial = byId("dial");
 const SPANS = [50, 70, 90];
@@ -42,10 +42,10 @@ export function draw(decision) {
   R = Math.min(HALF_WIDTH / Math.sin((span * Math.PI) / 180), HIGHEST);
   const parts = [shape("path", { class: "d-seen", d: wedge(seen[0], seen[1]) })];
   const [first, ...others] = shown.view?.openings || [];
-  for (const opening of others) {
+  for (const opening of others.filter((other) => !faint(other))) {
     parts.push(shape("path", { class: "d-other", d: wedge(opening.left_deg, opening.right_deg) }));
   }
-  if (first) {
+  if (first && (bearing !== null || !faint(first))) {
     const kind = bearing === null ? "d-other" : "d-best";
     parts.push(shape("path", { class: kind, d: wedge(first.left_deg, first.right_deg) }));
   }

@@ -9,6 +9,10 @@ const depthLayer = byId("depth-layer");
 const DECODE_MS = 2000;
 let last = null;
 
+const FAINT = 0.1; // score below which a candidate is noise to a person who looks
+
+export const faint = (opening) => opening.score < FAINT;
+
 const on = (name) => layers.querySelector(`[value="${name}"]`).checked;
 
 layers.addEventListener("change", () => last && draw(last));
@@ -100,11 +104,14 @@ function openings(view, decision) {
   const trusted = decision.open && decision.reason !== "lost";
   view.openings.forEach((opening, i) => {
     if (i === 0 && trusted) return;
+    if (faint(opening) && !on("faint")) return;
     const { left_px: left, right_px: right } = opening;
-    const lines = [];
-    if (!["left", "both"].includes(opening.cut)) lines.push(`M${left} ${0.22 * height}V${0.78 * height}`);
-    if (!["right", "both"].includes(opening.cut)) lines.push(`M${right} ${0.22 * height}V${0.78 * height}`);
-    found.push(...cased("m-other", lines.join("")));
+    const top = 0.22 * height;
+    const foot = 0.78 * height;
+    // One line over both jambs: they are seen to belong together.
+    const start = ["left", "both"].includes(opening.cut) ? `M${left} ${top}` : `M${left} ${foot}V${top}`;
+    const end = ["right", "both"].includes(opening.cut) ? `H${right}` : `H${right}V${foot}`;
+    found.push(...cased("m-other", start + end));
     tag(opening.score.toFixed(2), (left + right) / 2, 0.3 * height, view, "");
   });
   if (trusted && view.openings.length) found.push(...best(view, decision, view.openings[0]));

@@ -21,11 +21,11 @@ EXPECTED = {"doorway": "turn", "no-doorway": "no_door", "mirror": "no_door", "bl
 
 
 def load(name: str) -> tuple[dict[str, Any], Frame, Perception]:
-    truth = json.loads((EXAMPLES / f"{name}.json").read_text())
+    truth = json.loads((EXAMPLES / "truth" / f"{name}.json").read_text())
     lens = {**truth["camera"], "distortion": tuple(truth["camera"]["distortion"])}
     picture = cv2.imread(str(EXAMPLES / f"{name}.jpg"))
-    depth = cv2.imread(str(EXAMPLES / f"{name}.depth.png"), cv2.IMREAD_UNCHANGED) / 1000
-    floor = cv2.imread(str(EXAMPLES / f"{name}.floor.png"), cv2.IMREAD_UNCHANGED)
+    depth = cv2.imread(str(EXAMPLES / "truth" / f"{name}.depth.png"), cv2.IMREAD_UNCHANGED) / 1000
+    floor = cv2.imread(str(EXAMPLES / "truth" / f"{name}.floor.png"), cv2.IMREAD_UNCHANGED)
     spans = [(o["left_px"], o["right_px"]) for o in truth["openings"]]
     frame = Frame(np.ascontiguousarray(picture[..., ::-1]), Camera(**lens), Pose(**truth["pose"]))
     perception = Perception(

@@ -40,10 +40,13 @@ def photograph(home: int, camera: Camera, eye: Eye, noise: int | None = 0) -> Sh
 
 
 def save(shot: Shot, home: int, path: Path) -> list[Path]:
-    """Picture at `path`; NAME.json (truth), NAME.depth.png (mm), NAME.floor.png beside it."""
-    truth, depth = path.with_suffix(".json"), path.with_suffix(".depth.png")
-    floor = path.with_suffix(".floor.png")
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """Picture at `path`; NAME.json, NAME.depth.png (mm) and NAME.floor.png in truth/ beside it,
+    where `3ds look` of the folder does not take them for pictures."""
+    folder = path.parent / "truth"
+    folder.mkdir(parents=True, exist_ok=True)
+    truth, depth, floor = (
+        folder / (path.stem + end) for end in (".json", ".depth.png", ".floor.png")
+    )
     cv2.imwrite(str(path), shot.rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 93])
     write_depth(depth, shot.depth, 9)
     cv2.imwrite(str(floor), shot.truth.floor.astype(np.uint8) * 255)
