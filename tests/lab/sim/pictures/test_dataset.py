@@ -74,8 +74,8 @@ def test_one_picture_repeats_bit_for_bit(gl: Any, cli: Cli, tmp_path: Path) -> N
     where = ("--home", 34, "--x", 1.63, "--y", 2.92, "--heading-deg", 321.3, "--size", "160x120")
     for name in ("a", "b"):
         assert cli("sim", "view", "--out", tmp_path / f"{name}.jpg", *where).status == 0
-    for suffix in (".jpg", ".depth.png", ".floor.png"):
-        a, b = ((tmp_path / n).with_suffix(suffix).read_bytes() for n in ("a", "b"))
+    for of_it in ("{}.jpg", "truth/{}.depth.png", "truth/{}.floor.png"):
+        a, b = ((tmp_path / of_it.format(n)).read_bytes() for n in ("a", "b"))
         assert a == b
 
 
