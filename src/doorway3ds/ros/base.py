@@ -16,6 +16,7 @@ _GAIN = 2.0  # rad/s per rad of what is left
 _SLOWEST_RAD_S = 0.08
 _RAMP_RAD_S2 = 1.0
 _WITHIN_DEG = 0.7
+_JUMP_DEG = 15.0  # more between two looks at the odometry than the base can turn: it was reset
 _STILL_S = 0.3  # it has arrived once it has stayed there for this long
 
 
@@ -77,7 +78,7 @@ class BaseRobot:
         with self._lock:
             stops = self._stops
         self.why = ""
-        last_deg = self.pose().heading_deg
+        last_deg, last_s = self.pose().heading_deg, begun_s
         turned_deg = speed = 0.0
         inside_s: float | None = None
         end = TurnEnd.DONE
@@ -92,8 +93,13 @@ class BaseRobot:
                     self.why = problem or "it was stopped"
                     end = TurnEnd.STOPPED if stopped else TurnEnd.LOST
                     break
-                turned_deg += (where.heading_deg - last_deg + 180) % 360 - 180
-                last_deg = where.heading_deg
+                step_deg = (where.heading_deg - last_deg + 180) % 360 - 180
+                fastest_deg = 2 * math.degrees(self.speed_rad_s) * (now - last_s + _PERIOD_S)
+                if abs(step_deg) > fastest_deg + _JUMP_DEG:
+                    self.why, end = f"the odometry jumps by {step_deg:.0f} deg", TurnEnd.LOST
+                    break
+                turned_deg += step_deg
+                last_deg, last_s = where.heading_deg, now
                 left_deg = theta_deg - turned_deg
                 if abs(left_deg) > _WITHIN_DEG:
                     inside_s = None
