@@ -19,14 +19,16 @@ class MjpegServer:
     gap_s: between pictures. stalled: sends nothing, keeps the connection. refuse: answers 503.
     after: ends each connection after so many pictures. lengths: whether parts say their length.
     damage: sends pictures that are none. account: user:password, encoded, or None.
+    end: whether pictures have their end marker. digest: asks for a digest login. kind: the
+        Content-Type, or None.
     """
 
     def __init__(self, port: int = 0) -> None:
         self.gap_s, self.stalled, self.refuse, self.lengths = 0.02, False, False, True
         self.after: int | None = None
-        self.damage = False
+        self.damage, self.end, self.digest = False, True, False
         self.account: str | None = None
-        self.kind = "multipart/x-mixed-replace; boundary=--frame"
+        self.kind: str | None = "multipart/x-mixed-replace; boundary=--frame"
         self.sent = 0
         self.connections = 0
         self._open: set[Any] = set()
@@ -58,10 +60,18 @@ class MjpegServer:
         if self.account is not None and request.headers["Authorization"] != self.account:
             request.send_error(401)
             return
+        if self.digest and not (request.headers["Authorization"] or "").startswith("Digest "):
+            request.send_response(401)
+            ask = 'Digest realm="camera", qop="auth", nonce="1013271036", opaque="ca7c"'
+            request.send_header("WWW-Authenticate", ask)
+            request.send_header("Content-Length", "0")
+            request.end_headers()
+            return
         self.connections += 1
         self._open.add(request.connection)
         request.send_response(200)
-        request.send_header("Content-Type", self.kind)
+        if self.kind is not None:
+            request.send_header("Content-Type", self.kind)
         request.end_headers()
         count = 0
         try:
@@ -72,6 +82,7 @@ class MjpegServer:
                 picture = encode(np.full((48, 64, 3), self.sent % 60 * STEP, np.uint8))
                 if self.damage:
                     picture = picture[:80] + bytes(80) + picture[160:]
+                picture = picture if self.end else picture[:-2]
                 head = f"--frame\r\nContent-Type: image/jpeg\r\n{self._length(picture)}\r\n"
                 request.wfile.write(head.encode() + picture + b"\r\n")
                 self.sent += 1

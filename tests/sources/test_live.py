@@ -272,6 +272,53 @@ def test_mjpeg_pictures_that_are_damaged_are_left_out() -> None:
         assert next(source) is not None
 
 
+def test_a_stream_of_damaged_pictures_is_lost_once_patience_ends() -> None:
+    with MjpegServer() as server, open_source(server.url, patience_s=0.5) as source:
+        notices: list[str] = []
+        source.notice = notices.append
+        assert next(source) is not None
+        server.damage = True
+        with pytest.raises(SourceLost, match=r"gave no picture for 0\.5 s: a picture of .* has no"):
+            for _ in source:
+                pass
+    assert source.damaged > 5 and sum("left out" in line for line in notices) == 1
+
+
+@pytest.mark.parametrize("kind", [None, "application/octet-stream", "multipart/x-mixed-replace"])
+@pytest.mark.parametrize("end", [True, False])
+def test_mjpeg_of_any_type_with_and_without_end_markers(kind: str | None, end: bool) -> None:
+    with MjpegServer() as server:
+        server.kind, server.end = kind, end
+        with open_source(server.url) as source:
+            seen = [number(frame.image) for frame in itertools.islice(source, 5)]
+            assert source.damaged == 0
+    assert seen == sorted(seen) and len(set(seen)) == 5
+
+
+def test_mjpeg_behind_a_digest_login_and_a_redirect_on_its_host() -> None:
+    with MjpegServer() as server:
+        server.digest = True
+        url = f"http://me:pass@127.0.0.1:{server.port}/moved"
+        with open_source(url) as source:
+            assert next(source) is not None
+        server.account = "Basic " + base64.b64encode(b"me:pass").decode()
+        server.digest = False
+        with open_source(url) as source:
+            assert next(source) is not None
+
+
+def test_mjpeg_that_never_brings_a_picture_says_so_to_the_second() -> None:
+    with MjpegServer() as server:
+        server.after = 0
+        start = time.monotonic()
+        with (
+            open_source(server.url, patience_s=1.0) as source,
+            pytest.raises(SourceLost, match=r"for 1 s: the server ends the stream before any"),
+        ):
+            next(source)
+        assert 0.9 < time.monotonic() - start < 4
+
+
 @pytest.mark.parametrize(
     ("change", "expected"),
     [

@@ -42,6 +42,7 @@ class LiveSource(Source):
         self._closing = threading.Event()
         self._shot: Shot | None = None
         self._gone: str | None = None
+        self._damaged_since_s: float | None = None
         self._crash: BaseException | None = None
         self._wait_s = FIRST_WAIT_S
         self._away = False
@@ -62,13 +63,26 @@ class LiveSource(Source):
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
         while (shot := self._newest(deadline)) is not None:
             try:
-                return self._frame(shot)
+                frame = self._frame(shot)
             except UserError as error:
                 if not isinstance(shot.image, bytes):
                     raise
-                self.damaged += 1
-                self.notice(str(error))
+                self._leave_out(error)
+            else:
+                self._damaged_since_s = None
+                return frame
         return None
+
+    def _leave_out(self, error: UserError) -> None:
+        """Counts a damaged image; SourceLost once there was no other for as long as patience."""
+        self.damaged += 1
+        now = time.monotonic()
+        if self._damaged_since_s is None:
+            self._damaged_since_s = now
+            self.notice(f"{error}; it is left out")  # once in a row: a stream brings many a second
+        elif self._patience_s is not None and now - self._damaged_since_s > self._patience_s:
+            self.ended = True
+            raise SourceLost(self._lost(str(error))) from error
 
     def _frame(self, shot: Shot) -> Frame:
         image, orientation, focal_35mm = shot.image, 1, None

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import base64
-import http.client
-import socket
-import ssl
 import time
 from collections.abc import Callable
-from urllib.parse import SplitResult, unquote, urljoin, urlsplit
+from urllib.parse import unquote, urlsplit
+
+import requests
+from requests.auth import HTTPDigestAuth
+from urllib3.exceptions import HTTPError, ReadTimeoutError
 
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.sources.base import Capture, Shot
@@ -18,47 +18,72 @@ from doorway3ds.sources.uri import without_password
 _TIMEOUT_S = 5.0
 _CHUNK = 1 << 16
 _MOST_REDIRECTS = 3
+# What a server that has no stream to give sends instead; no type, or an odd one, may be a stream.
+_NO_STREAM = ("text/", "image/", "application/json", "application/xml", "application/xhtml")
 
 
 class MjpegCapture:
-    """One request whose answer does not end: pictures are found by their own structure."""
+    """One request whose answer does not end: images are found by their own structure."""
 
     def __init__(self, url: str) -> None:
         self._splitter = Splitter()
         self._waiting: list[bytes] = []
-        for _ in range(_MOST_REDIRECTS + 1):
-            parts = urlsplit(url)
-            self._connection = _connection(parts)
-            try:
-                self._answer = _request(self._connection, parts)
-                target = self._answer.getheader("Location")
-                if not (300 <= self._answer.status < 400 and target):
-                    _check(self._answer)
-                    return
-            except BaseException:
-                self.close()
-                raise
+        self._images = 0
+        self._session = requests.Session()
+        # Straight to the camera, past any proxy: it would gather images instead of passing them on.
+        self._session.trust_env = False
+        self._session.max_redirects = _MOST_REDIRECTS
+        self._session.headers.update(
+            {"Accept": "multipart/x-mixed-replace, image/jpeg", "User-Agent": "doorway3ds"}
+        )
+        try:
+            self._answer = self._request(url)
+            _check(self._answer)
+        except BaseException:
             self.close()
-            url = urljoin(url, target)
-            if urlsplit(url).scheme not in ("http", "https"):
-                raise UserError(f"it redirects to {url}; expected an http address")
-        raise UserError(f"it redirects more than {_MOST_REDIRECTS} times")
+            raise
+
+    def _request(self, url: str) -> requests.Response:
+        """The answer; the account in the address goes to its own host alone, also if redirected."""
+        parts = urlsplit(url)
+        bare = parts._replace(netloc=parts.netloc.rpartition("@")[2]).geturl()
+        try:
+            if parts.username is None:
+                return self._session.get(bare, stream=True, timeout=_TIMEOUT_S)
+            account = unquote(parts.username), unquote(parts.password or "")
+            answer = self._session.get(bare, auth=account, stream=True, timeout=_TIMEOUT_S)
+            asked = answer.headers.get("WWW-Authenticate", "")
+            if answer.status_code != 401 or "digest" not in asked.lower():
+                return answer
+            answer.close()
+            return self._session.get(
+                bare, auth=HTTPDigestAuth(*account), stream=True, timeout=_TIMEOUT_S
+            )
+        except (requests.RequestException, HTTPError, UnicodeError, ValueError) as error:
+            raise UserError(_why(error, parts.hostname or "")) from error
 
     def read(self) -> Shot | None:
         while not self._waiting:
             try:
-                chunk = self._answer.read1(_CHUNK)
-            except http.client.HTTPException as error:
-                raise UserError(f"the stream broke off ({type(error).__name__})") from error
-            except TimeoutError as error:
+                chunk = self._answer.raw.read1(_CHUNK)
+            except (TimeoutError, ReadTimeoutError) as error:
                 raise UserError(f"no data for {_TIMEOUT_S:g} s") from error
+            except HTTPError as error:
+                raise UserError(f"the stream broke off ({type(error).__name__})") from error
             if not chunk:
-                raise UserError("the stream ended")
+                raise UserError(
+                    "the stream ended"
+                    if self._images
+                    else "the server ends the stream before any image; does it serve others?"
+                )
             self._waiting = self._splitter.feed(chunk)
+        self._images += 1
         return Shot(self._waiting.pop(0), time.monotonic())
 
     def close(self) -> None:
-        self._connection.close()
+        self._session.close()
+        if answer := getattr(self, "_answer", None):
+            answer.close()
 
 
 def mjpeg(url: str) -> Callable[[], Capture]:
@@ -73,40 +98,33 @@ def mjpeg(url: str) -> Callable[[], Capture]:
     return lambda: MjpegCapture(url)
 
 
-def _connection(parts: SplitResult) -> http.client.HTTPConnection:
-    # Straight to the camera, past any proxy: it would gather pictures instead of passing them on.
-    if parts.scheme == "https":
-        context = ssl.create_default_context()
-        return http.client.HTTPSConnection(
-            parts.hostname or "", parts.port, timeout=_TIMEOUT_S, context=context
-        )
-    return http.client.HTTPConnection(parts.hostname or "", parts.port, timeout=_TIMEOUT_S)
+def _why(error: Exception, host: str) -> str:
+    """What kept the server from answering, in one line without the libraries' names."""
+    text = str(error)
+    if isinstance(error, requests.TooManyRedirects):
+        return f"it redirects more than {_MOST_REDIRECTS} times"
+    if isinstance(error, requests.exceptions.InvalidSchema):
+        return "it redirects to another kind of address; expected http"
+    if isinstance(error, requests.Timeout):
+        return f"no answer within {_TIMEOUT_S:g} s"
+    if "getaddrinfo" in text or "NameResolution" in text or "Failed to resolve" in text:
+        return f"no host is called {host}"
+    if isinstance(error, requests.exceptions.SSLError):
+        return f"its certificate is not accepted ({text.rpartition('] ')[2].rstrip(')')})"
+    cause: BaseException = error
+    while cause.__cause__ is not None or cause.__context__ is not None:
+        cause = cause.__cause__ or cause.__context__ or cause
+    if isinstance(cause, OSError) and cause.strerror:
+        return cause.strerror
+    return f"no HTTP camera answers there ({type(cause).__name__}: {cause})".replace("\n", " ")
 
 
-def _request(
-    connection: http.client.HTTPConnection, parts: SplitResult
-) -> http.client.HTTPResponse:
-    headers = {"Accept": "multipart/x-mixed-replace, image/jpeg", "User-Agent": "doorway3ds"}
-    if parts.username is not None:
-        account = f"{unquote(parts.username)}:{unquote(parts.password or '')}"
-        headers["Authorization"] = "Basic " + base64.b64encode(account.encode()).decode()
-    path = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
-    try:
-        connection.request("GET", path, headers=headers)
-        return connection.getresponse()
-    except (http.client.HTTPException, UnicodeError) as error:
-        raise UserError(f"no HTTP camera answers there ({type(error).__name__})") from error
-    except socket.gaierror as error:
-        raise UserError(f"no host is called {parts.hostname}") from error
-    except TimeoutError as error:
-        raise UserError(f"no answer within {_TIMEOUT_S:g} s") from error
-    except OSError as error:
-        raise UserError(f"{error.strerror or error}") from error
-
-
-def _check(answer: http.client.HTTPResponse) -> None:
-    if answer.status != 200:
-        raise UserError(f"it answers {answer.status} {answer.reason}; expected 200")
-    kind = answer.getheader("Content-Type", "").partition(";")[0].strip().lower()
-    if not kind.startswith("multipart/"):
-        raise UserError(f"it sends {kind or 'no type'}; expected multipart/x-mixed-replace (MJPEG)")
+def _check(answer: requests.Response) -> None:
+    status = answer.status_code
+    if status != 200:
+        hint = {401: "a wrong name or password", 503: "is it full?"}.get(status)
+        said = f"it answers {status} {answer.reason}; expected 200"
+        raise UserError(f"{said} ({hint})" if hint else said)
+    kind = answer.headers.get("Content-Type", "").partition(";")[0].strip().lower()
+    if kind.startswith(_NO_STREAM):
+        raise UserError(f"it sends {kind}; expected multipart/x-mixed-replace (MJPEG)")

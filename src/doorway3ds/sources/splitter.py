@@ -11,16 +11,22 @@ import re
 LARGEST = 64 << 20
 _JPEG, _PNG = b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n"
 _START = re.compile(re.escape(_JPEG) + b"|" + re.escape(_PNG))
-# In the coded data of a scan FF is followed by 00 or a restart marker; anything else ends it.
-_AFTER_SCAN = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
+# In the coded data of a scan FF is followed by 00 or a restart marker; anything else ends it. So
+# does the next part of a multipart stream, where a server leaves the end marker out.
+_AFTER_SCAN = re.compile(
+    rb"\xff[^\x00\xd0-\xd7\xff]|\r?\n--[!-~]{1,72}\r?\n(?=[!-9;-~]{2,40}:)|\r?\n--[!-~]{1,72}--\r?\n"
+)
+_LONGEST_DELIMITER = 128
 _SOI, _EOI, _SOS = 0xD8, 0xD9, 0xDA
+_END = b"\xff\xd9"
 
 
 class Splitter:
     """Feed it bytes as they come; each call gives the images that are now complete.
 
     Bytes that belong to no JPEG or PNG are dropped, and so is an image larger than `largest`
-    bytes. One that breaks off is given as far as it goes: its decoder will refuse it.
+    bytes. One that breaks off is given as far as it goes, and one that lacks its end marker alone
+    gets it: its decoder will refuse what is not whole.
     """
 
     def __init__(self, largest: int = LARGEST) -> None:
@@ -29,6 +35,7 @@ class Splitter:
         self._at = 0  # how far the image at the start of the data is understood
         self._inside = False
         self._scan = False
+        self._unended = False
 
     def feed(self, chunk: bytes) -> list[bytes]:
         self._data += chunk
@@ -38,7 +45,7 @@ class Splitter:
                 return found
             end = self._end_of_png() if self._data[0] == _PNG[0] else self._end_of_jpeg()
             if end is not None:
-                found.append(bytes(self._data[:end]))
+                found.append(bytes(self._data[:end]) + (_END if self._unended else b""))
                 del self._data[:end]
             elif len(self._data) > self._largest:
                 del self._data[: len(_JPEG)]
@@ -60,7 +67,7 @@ class Splitter:
             del self._data[: max(len(self._data) - len(_PNG) + 1, 0)]
             return False
         del self._data[: start.start()]
-        self._inside, self._scan = True, False
+        self._inside, self._scan, self._unended = True, False, False
         self._at = 2 if self._data[0] == _JPEG[0] else len(_PNG)
         return True
 
@@ -71,9 +78,12 @@ class Splitter:
             if self._scan:
                 marker = _AFTER_SCAN.search(data, self._at)
                 if marker is None:
-                    self._at = max(self._at, len(data) - 1)
+                    self._at = max(self._at, len(data) - _LONGEST_DELIMITER)
                     return None
                 self._at, self._scan = marker.start(), False
+                if data[self._at] != 0xFF:
+                    self._unended = True
+                    return self._at
             while self._at + 1 < len(data) and data[self._at] == data[self._at + 1] == 0xFF:
                 self._at += 1  # fill bytes
             if self._at + 2 > len(data):
