@@ -13,6 +13,7 @@ import sys
 import warnings
 from collections.abc import Sequence
 from importlib import import_module
+from pathlib import Path
 
 # In the order of `3ds --help`; other files in this folder follow by name.
 _ORDER = (
@@ -72,9 +73,12 @@ def main() -> None:
 
 def run(arguments: Sequence[str]) -> int:
     """Runs one command; returns its exit status."""
+    from doorway3ds.cli.shared.output import OutputLost, guarded_output
     from doorway3ds.cli.shared.viewer import with_viewer
 
     arguments = with_viewer(arguments)
+    if sys.stderr is None:  # closed by whoever started this
+        sys.stderr = Path(os.devnull).open("w")  # noqa: SIM115
     # A name that the terminal's encoding lacks must not cost the answer.
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
@@ -82,7 +86,11 @@ def run(arguments: Sequence[str]) -> int:
     with warnings.catch_warnings():
         warnings.showwarning = _warn
         warnings.filterwarnings("ignore", module=r"PIL\.")  # what matters of it is an error
-        return _run(arguments)
+        try:
+            with guarded_output():
+                return _run(arguments)
+        except OutputLost as error:
+            return _refuse(str(error), 1)
 
 
 def _run(arguments: Sequence[str]) -> int:

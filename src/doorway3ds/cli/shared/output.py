@@ -1,0 +1,60 @@
+"""Standard output that is full or closed: one line and status 1, whatever was running."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+from typing import Any, TextIO, cast
+
+
+class OutputLost(Exception):
+    """Standard output takes nothing more. No UserError: no next image can be answered either."""
+
+
+class _Guarded:
+    """A text stream whose failed writes are OutputLost; all else is the stream's own."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        try:
+            return self._stream.write(text)
+        except OSError as error:
+            raise _lost(error) from error
+
+    def flush(self) -> None:
+        try:
+            self._stream.flush()
+        except OSError as error:
+            raise _lost(error) from error
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+@contextlib.contextmanager
+def guarded_output() -> Iterator[None]:
+    """Within it, a failed write to `sys.stdout` raises OutputLost, also one that was buffered."""
+    stream = sys.stdout
+    if stream is None:
+        raise OutputLost("standard output is closed; redirect it to a file or to /dev/null")
+    sys.stdout = cast(TextIO, _Guarded(stream))
+    try:
+        yield
+        sys.stdout.flush()
+    except OutputLost:
+        # What is still in the buffer must not fail again while Python ends.
+        with contextlib.suppress(OSError, ValueError, AttributeError):
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, stream.fileno())
+            os.close(nowhere)
+        raise
+    finally:
+        sys.stdout = stream
+
+
+def _lost(error: OSError) -> OutputLost:
+    return OutputLost(f"cannot write to standard output: {error.strerror or error}")
