@@ -27,6 +27,8 @@ _NYU40 = {0: 1, 1: 2, 7: 3, 8: 4, 21: 5, 39: UNKNOWN}
 _NYU_CAMERA = (518.86, 519.47, 325.58, 253.74)
 _NYU_CROP = 10  # a white frame of 5-8 px surrounds each picture
 _NYU_PLACE = 40  # neighbouring numbers show the same room
+_WITHIN = 0.6  # share of the width from which on a picture is taken from within the doorway
+_WITHIN_WEIGHT = 0.3
 CONFIDENCE = {3: 1.0, 2: 0.8, 1: 0.4}  # how sure the eye was -> weight
 
 
@@ -251,16 +253,24 @@ def read_rendered(folder: Path) -> list[Sample]:
 def read_marked(folder: Path, longer: int = 352) -> list[Sample]:
     """Photographs of any size and camera marked by hand, as `3ds label` writes them: no depth.
 
+    Their source is the folder's name. What is taken from within a doorway, so that the opening
+    covers most of the picture, counts less: where its edges are is a guess.
+
     longer: side of the stored pictures at most. Where not every picture's place is told, pictures
     also share one that a perceptual hash finds nearly the same. Raises UserError where a picture
     cannot be read or is not of the folder's camera.
     """
     dataset = read_dataset(folder, "plain")
+    name = folder.resolve().name
     samples, hashes = [], []
     for marked in dataset.samples:
         frame = load_frame(marked)
         hashes.append(groups.perceptual_hash(frame.image))
-        samples.append(from_frame(marked, frame, "marked", longer))
+        sample = from_frame(marked, frame, name, longer)
+        width = sample.image.shape[1]
+        if any(span.right - span.left > _WITHIN * width for span in sample.spans):
+            sample = replace(sample, weight=sample.weight * _WITHIN_WEIGHT)
+        samples.append(sample)
     pairs = groups.near_pairs(np.array(hashes, bool))
     newest: dict[str, int] = {}
     for index, marked in enumerate(dataset.samples):
@@ -269,7 +279,7 @@ def read_marked(folder: Path, longer: int = 352) -> list[Sample]:
         newest[marked.place] = index
     places, _ = groups.name_groups(dataset.samples, pairs, places_known=dataset.places_known)
     named = zip(samples, places, strict=True)
-    return [replace(sample, place=f"{folder.resolve().name}-{place}") for sample, place in named]
+    return [replace(sample, place=f"{name}-{place}") for sample, place in named]
 
 
 def from_frame(
