@@ -48,6 +48,7 @@ class FitConfig:
     encoder_rate: learning rate of the encoders as a share of the rest's; their batch norm is
     folded, and at the full rate they forget what they have learnt of scenes.
     patience: epochs without a better held-out loss after which a stage ends; 0: never.
+    validate: at most about so many held-out pictures are looked at after each epoch; 0: all.
     """
 
     stages: tuple[Stage, ...]
@@ -61,6 +62,7 @@ class FitConfig:
     encoder_rate: float = 1.0
     seed: int = 1
     patience: int = 0
+    validate: int = 0
 
 
 def collate(targets: Sequence[Target]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -93,7 +95,7 @@ class Sampler:
         # a door photographed a hundred times must not teach a hundred times as much
         sizes = Counter(sample.place for sample in samples)
         self._chances = {
-            id(pool): np.cumsum([sizes[sample.place] ** -0.5 for sample in pool])
+            id(pool): np.cumsum([sample.draws * sizes[sample.place] ** -0.5 for sample in pool])
             for pair in self._pools.values()
             for pool in pair
         }
@@ -216,7 +218,9 @@ def fit(
     folder.mkdir(parents=True, exist_ok=True)
     keras.utils.set_random_seed(config.seed)
     sampler = Sampler(samples, config, augment)
-    fixed = {**asdict(config), "patience": None, "stages": None}
+    fixed = {**asdict(config), "patience": None, "validate": None, "stages": None}
+    if config.validate:
+        held = held[:: max(1, len(held) // config.validate)]
     same = [identity, fixed, asdict(augment), asdict(weights), sorted(s.name for s in samples)]
     history: list[Row] = []
     epochs = 0

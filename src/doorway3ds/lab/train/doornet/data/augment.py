@@ -7,18 +7,20 @@ would see is not invented.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from doorway3ds.lab.train.doornet.data.holes import horizon
 from doorway3ds.lab.train.doornet.data.samples import UNKNOWN, Sample
 from doorway3ds.lab.train.doornet.model import CANONICAL_F_PX
 
 Array = NDArray[Any]
 
+_HELD_M, _TOP_M = 1.35, 2.2  # height of a camera in the hand; of what lies over the horizon
 _WHOLE = 0.7  # share of a picture's width that holds an unmarked opening well enough
 
 
@@ -32,6 +34,7 @@ class AugmentConfig:
     mirror: float = 0.5
     colour: float = 0.8  # share of pictures whose colours, blur and noise change
     occluder: float = 0.15  # share of pictures with a box pasted over a part
+    low: float = 0.0  # share of landscape photographs that a robot's low camera sees
 
 
 @dataclass(frozen=True)
@@ -80,6 +83,8 @@ def view(
 ) -> Target:
     """One training picture of `size` (h, w); rng None gives the plain centre view."""
     height, width = size
+    if rng is not None and rng.random() < config.low:
+        sample = lowered(sample, rng.uniform(0.3, 0.7))
     rows, columns = sample.image.shape[:2]
     source = _matrix(sample.camera)
     # the largest window of the wanted aspect inside the picture
@@ -156,6 +161,36 @@ def view(
         segment_weight=sample.segment_weight,
         floor=floor,
         **labels,
+    )
+
+
+def lowered(sample: Sample, share: float) -> Sample:
+    """A photograph as a camera at `share` of its height would take it, or nearly so.
+
+    Rows move and columns stay. What is on the floor and what is about 2.2 m high comes to lie where
+    it would; what is upright between is squeezed below the horizon and stretched above. Portraits
+    and rendered pictures, which have low views of their own, stay as they are.
+    """
+    rows, columns = sample.image.shape[:2]
+    level = horizon(sample) if sample.depth_m is not None and sample.segments is not None else 0.0
+    if columns < rows or "floor" in sample.extra or not 0.2 * rows < level < 0.8 * rows:
+        return sample
+    stretch = (_TOP_M - _HELD_M * share) / (_TOP_M - _HELD_M)
+    above, below = level * stretch, (rows - 1 - level) * share
+    y = np.arange(int(above + below) + 1, dtype=np.float32) - np.float32(above)
+    y = np.float32(level) + np.where(y < 0, y / stretch, y / share).astype(np.float32)
+    x, y = np.meshgrid(np.arange(columns, dtype=np.float32), y)
+
+    def moved(array: Array, flags: int) -> Array:
+        return np.asarray(cv2.remap(array, x, y, flags, borderMode=cv2.BORDER_REPLICATE))
+
+    fx, fy, cx, _ = sample.camera
+    return replace(
+        sample,
+        image=moved(sample.image, cv2.INTER_LINEAR),
+        depth_m=moved(np.asarray(sample.depth_m), cv2.INTER_NEAREST),
+        segments=moved(np.asarray(sample.segments), cv2.INTER_NEAREST),
+        camera=(fx, fy, cx, (len(y) - 1) / 2),
     )
 
 

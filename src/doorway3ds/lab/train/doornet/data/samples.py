@@ -27,6 +27,8 @@ _NYU40 = {0: 1, 1: 2, 7: 3, 8: 4, 21: 5, 39: UNKNOWN}
 _NYU_CAMERA = (518.86, 519.47, 325.58, 253.74)
 _NYU_CROP = 10  # a white frame of 5-8 px surrounds each picture
 _NYU_PLACE = 40  # neighbouring numbers show the same room
+_LOW_M = 0.65  # a robot's camera is below, and no photograph shows what it sees
+_LOW_DRAWS = 2.0
 _WITHIN = 0.6  # share of the width from which on a picture is taken from within the doorway
 _WITHIN_WEIGHT = 0.3
 CONFIDENCE = {3: 1.0, 2: 0.8, 1: 0.4}  # how sure the eye was -> weight
@@ -53,7 +55,8 @@ class Sample:
     image: (H, W, 3) uint8 RGB. depth_m: (H, W) float32, nan unknown. segments: (H, W) uint8,
     255 unknown. camera: fx, fy, cx, cy in pixels of `image`. open: 1, 0, or None (half open);
     1 without spans: an opening that nobody has marked. weight: of the opening labels;
-    depth_weight, segment_weight: of pseudo-labels.
+    depth_weight, segment_weight: of pseudo-labels. draws: how often training draws it, as against
+    others of its source.
     """
 
     name: str
@@ -68,6 +71,7 @@ class Sample:
     weight: float = 1.0
     depth_weight: float = 1.0
     segment_weight: float = 1.0
+    draws: float = 1.0
     extra: dict[str, Any] = field(default_factory=dict)
 
 
@@ -244,6 +248,7 @@ def read_rendered(folder: Path) -> list[Sample]:
                 segments=segments,
                 # not open and only guessed: a doorway is glimpsed, too little of it to count
                 weight=0.0 if glimpse else CONFIDENCE[int(first["confidence"])],
+                draws=_LOW_DRAWS if float(first["height_m"]) < _LOW_M else 1.0,
                 extra={"floor": floor > 127},
             )
         )
