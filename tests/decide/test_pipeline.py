@@ -129,6 +129,23 @@ def test_limits_come_with_the_network(tmp_path: Path) -> None:
         Pipeline(network)
 
 
+def test_a_preset_sets_limits_and_gate(tmp_path: Path) -> None:
+    presets = {"eager": {"open_from": 0.3, "limits": {"sure_score": 0.1}}, "odd": 3}
+    metadata = {**tinynets.METADATA, "presets": presets}
+    network = DoorNet(tinynets.doornet(tmp_path / "a.onnx", p_open=-0.5, metadata=metadata))
+    pipeline = Pipeline(network, gates=Gates(aligned_deg=1.0), preset="eager")
+    assert pipeline.gates == Gates(open_from=0.3, aligned_deg=1.0)
+    assert pipeline.params is not None and pipeline.params.sure_score == 0.1
+    picture = np.zeros((240, 320, 3), np.uint8)
+    assert pipeline(picture).open and not Pipeline(network)(picture).open
+    with pytest.raises(UserError, match="no preset 'bold'; it has eager, odd"):
+        Pipeline(network, preset="bold")
+    with pytest.raises(UserError, match="no object"):
+        Pipeline(network, preset="odd")
+    with pytest.raises(UserError, match="names none"):
+        Pipeline(Truth(), preset="eager")
+
+
 def test_same_picture_same_answer_bit_for_bit(tmp_path: Path) -> None:
     data = encode(np.random.default_rng(1).integers(0, 256, (480, 640, 3), dtype=np.uint8))
     pipeline = Pipeline(DoorNet(factories.doornet(tmp_path / "n.onnx")))

@@ -194,6 +194,49 @@ def depth(
     _finish(page, pages.depth_json(scored), report)
 
 
+@app.command()
+def overview(
+    datasets: Annotated[list[Path], typer.Argument(help="Folders with doorways.csv or boxes.csv.")],
+    held_out: Annotated[
+        Path, typer.Option(metavar="FILE", help="held-out.csv of a training with --hold-out.")
+    ],
+    network: Networks = None,
+    preset: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Operating point of the networks' files.")
+    ] = None,
+    repeats: Annotated[
+        int, typer.Option(min=0, help="Bootstrap resamples; 0 = no intervals.")
+    ] = 2000,
+    sheets: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Write the worst pictures of each set there, as PNG."),
+    ] = None,
+    json_file: Annotated[
+        Path | None,
+        typer.Option("--json", metavar="FILE", help="Write the numbers; - = standard out."),
+    ] = None,
+) -> None:
+    """One table over several data sets, of the pictures that a training has not seen.
+
+    RUN/half-{k}.onnx measures each half of the places by calibration and limits of the other.
+    Further networks are also compared with the first: paired differences with their intervals.
+    """
+    from doorway3ds.lab.evaluate import overview as tables
+    from doorway3ds.lab.evaluate.report.html import write_json
+    from doorway3ds.networks.registry import load
+
+    names = network or ["doornet"]
+    rows: list[tables.Row] = []
+    for part in tables.held_sets(datasets, tables.read_held(held_out)):
+        rows += tables.compare(part, names, load, preset, repeats, sheets, _progress)
+    if json_file is not None and str(json_file) != "-":
+        write_json(json_file, {"rows": [row.to_dict() for row in rows]})
+    if json_file is not None and str(json_file) == "-":
+        typer.echo(json.dumps({"rows": [row.to_dict() for row in rows]}))
+    else:
+        typer.echo(tables.table(rows), nl=False)
+
+
 def _dataset(data: Path, options: DataOptions) -> Dataset:
     from doorway3ds.camera.choice import choose_camera
     from doorway3ds.lab.datasets import readers

@@ -120,14 +120,17 @@ def doornet(
 @app.command()
 def limits(
     folder: Annotated[Path, typer.Argument(help="Folder of a training with --hold-out.")],
-    dataset: Annotated[Path, typer.Argument(help="Photographs with doorways.csv.")],
-    split: Annotated[str, typer.Option(metavar="K/N", help="The fold that was held out.")],
+    datasets: Annotated[list[Path], typer.Argument(help="The data sets that it was trained on.")],
 ) -> None:
-    """Choose the limits of the opening method for a trained doornet, on its held-out places."""
+    """Choose the presets cautious, balanced and eager of a trained doornet.
+
+    Looks at the places that the training held out; without a preset, balanced is what is used.
+    """
     from doorway3ds.lab.train.doornet.tune import tune_run
 
-    found = tune_run(folder, dataset, split, lambda line: typer.echo(line, err=True))
-    typer.echo(f"{folder / 'doornet.onnx'} now carries {found}")
+    found = tune_run(folder, datasets, lambda line: typer.echo(line, err=True))
+    for name, point in found.items():
+        typer.echo(f"{name}: {point}")
 
 
 @app.command("cnn-srin")

@@ -42,6 +42,11 @@ class DecideOptions(NetworkOptions):
     """Which network and method decide, and their limits."""
 
     method: Method = setting(Method.OPENING, "How a direction is selected.")
+    preset: str | None = setting(
+        None,
+        "Operating point of the network's file, such as cautious, balanced or eager.",
+        metavar="NAME",
+    )
     width_m: float | None = setting(None, "Width of the robot; default: NAO's.", low=0.01, high=5)
     max_unseen_m: float | None = setting(
         None,

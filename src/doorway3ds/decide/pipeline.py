@@ -19,7 +19,7 @@ from doorway3ds.decide.paper import select_paper
 from doorway3ds.decide.scene.metres import in_metres
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.images.codec import Picture, read_image
-from doorway3ds.networks.base import Joined, Network, thresholds_of
+from doorway3ds.networks.base import Joined, Network, presets_of, thresholds_of
 from doorway3ds.networks.limits import override
 from doorway3ds.networks.mirrored import Mirrored
 from doorway3ds.networks.registry import load
@@ -41,12 +41,15 @@ class Pipeline:
     12.4
 
     params: limits of the `opening` method; default: those the network was measured with.
+    preset: an operating point by its name in the network's file ("cautious", "balanced", "eager"
+        in the packaged one) instead: limits, and p_open from which on a doorway is open.
     """
 
     network: Network
     method: str = Method.OPENING
     params: OpeningParams | None = None
     gates: Gates = field(default_factory=Gates)
+    preset: str | None = None
 
     def __post_init__(self) -> None:
         if self.method not in NEEDS:
@@ -57,7 +60,11 @@ class Pipeline:
                 f"method {self.method} needs {', '.join(lacking)}, which network "
                 f"{self.network.name} does not give; join one that does, as in cnn-srin+densedepth"
             )
-        if self.params is None:
+        if self.preset is not None:
+            params, gates = operating_point(self.network, self.preset, self.gates)
+            object.__setattr__(self, "params", self.params or params)
+            object.__setattr__(self, "gates", gates)
+        elif self.params is None:
             limits = override(OpeningParams(), thresholds_of(self.network))
             object.__setattr__(self, "params", limits)
 
@@ -162,6 +169,7 @@ def build_pipeline(options: DecideOptions, network: Network | None = None) -> Pi
             Mirrored(network) if options.mirror else network,
             options.method,
             gates=Gates(max_unseen_m=options.max_unseen_m, aligned_deg=options.aligned_deg),
+            preset=options.preset,
         )
     except UserError as error:
         raise CallError(str(error)) from error
@@ -169,3 +177,21 @@ def build_pipeline(options: DecideOptions, network: Network | None = None) -> Pi
         return pipeline
     clearance = replace(pipeline.params.clearance, width_m=options.width_m)
     return replace(pipeline, params=replace(pipeline.params, clearance=clearance))
+
+
+def operating_point(
+    network: Network, preset: str, gates: Gates | None = None
+) -> tuple[OpeningParams, Gates]:
+    """Limits and gates of a preset in the network's file; UserError if it has no such preset."""
+    known = presets_of(network)
+    if preset not in known:
+        raise UserError(
+            f"network {network.name} has no preset {preset!r}; "
+            + (f"it has {', '.join(known)}" if known else "its file names none")
+        )
+    point = known[preset]
+    if not isinstance(point, Mapping):
+        raise UserError(f"preset {preset} of network {network.name} is no object of limits")
+    gates = gates or Gates()
+    params = override(OpeningParams(), point.get("limits", {}))
+    return params, override(gates, {"open_from": point.get("open_from", gates.open_from)})

@@ -50,6 +50,9 @@ class Joined:
         self.thresholds = next(
             (thresholds_of(n) for n in reversed(self.networks) if COLUMNS in n.gives), {}
         )
+        self.presets = next(
+            (presets_of(n) for n in reversed(self.networks) if COLUMNS in n.gives), {}
+        )
 
     def __call__(self, image: NDArray[np.uint8], camera: Camera) -> Perception:
         seen = [(network, network(image, camera)) for network in self.networks]
@@ -88,3 +91,8 @@ def together(parts: Sequence[frozenset[str]]) -> frozenset[str]:
 def thresholds_of(network: Network) -> Mapping[str, Any]:
     """Limits of the `opening` method that this network was measured with, by their names."""
     return getattr(network, "thresholds", None) or {}
+
+
+def presets_of(network: Network) -> Mapping[str, Any]:
+    """Operating points that this network was measured at: name to `open_from` and `limits`."""
+    return getattr(network, "presets", None) or {}

@@ -11,7 +11,8 @@ h and w open multiples of 32, and gives
   network's input; another camera's are longer in proportion to its focal length;
 - "floor" (1, h', w'): logit that the pixel shows floor.
 Metadata: `canonical_f_px`, `depth_error` (relative standard deviation), and if it has them
-`thresholds`, limits of the `opening` method chosen with this network, and `costs` (see
+`thresholds`, limits of the `opening` method chosen with this network, `presets`, further operating
+points by name (each an object of `open_from`, the gate's limit, and `limits`), and `costs` (see
 `doorway3ds.networks.costs`), by which its p_open is weighed.
 """
 
@@ -100,6 +101,7 @@ class DoorNet(OnnxNetwork):
         super().__init__(path, **options)
         self.metadata = self._read_metadata()
         self.thresholds: Mapping[str, Any] = self.metadata.get("thresholds") or {}
+        self.presets: Mapping[str, Any] = self.metadata.get("presets") or {}
         self._costs = override(Costs(), self.metadata.get("costs") or {})
         self._canonical_f_px = float(self.metadata["canonical_f_px"])
         self._depth_error = float(self.metadata["depth_error"])

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Camera
-from doorway3ds.networks.base import Network, thresholds_of
+from doorway3ds.networks.base import Network, presets_of, thresholds_of
 from doorway3ds.types import ColumnVotes, Perception, RelativeDepth
 
 _SURE = 1e-6  # probabilities stay this far from 0 and 1, so that logits stay finite
@@ -26,6 +26,7 @@ class Mirrored:
         self.name = f"{network.name}, mirrored average"
         self.gives = network.gives
         self.thresholds = thresholds_of(network)
+        self.presets = presets_of(network)
 
     def __call__(self, image: NDArray[np.uint8], camera: Camera) -> Perception:
         plain = self.network(image, camera)

@@ -228,6 +228,19 @@ def test_a_camera_beside_the_pictures_is_theirs(tmp_path):
         read_dataset(tmp_path)
 
 
+def test_views_tell_how_a_photograph_was_tilted(tmp_path):
+    write_picture(tmp_path / "a.jpg", 64, 48)
+    write_picture(tmp_path / "b.jpg", 64, 48)
+    (tmp_path / "doorways.csv").write_text(HEADER + "\na.jpg,1,10,20,1,3,0\nb.jpg,0,,,,3,0\n")
+    (tmp_path / "views.csv").write_text("image,place,pitch_deg,yaw_deg\na.jpg,hall,-6.5,90\n")
+    a, b = read_dataset(tmp_path).samples
+    assert (a.pose.pitch_deg, b.pose.pitch_deg) == (-6.5, 0.0)
+    assert a.pose.height_m is None and a.pose.yaw_deg == 0.0
+    (tmp_path / "views.csv").write_text("image,pitch_deg\na.jpg,steep\n")
+    with pytest.raises(UserError, match=r"views\.csv"):
+        read_dataset(tmp_path)
+
+
 def test_boxes_are_stretched_back_to_portraits(tmp_path):
     for name in ("a.jpg", "b.jpg", "c.jpg"):
         write_picture(tmp_path / "images" / name, 416, 416)

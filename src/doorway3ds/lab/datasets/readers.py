@@ -9,7 +9,8 @@ plain     images/ (or the pictures beside it), doorways.csv: photographs marked 
 boxes     images/, boxes.csv: door boxes with a state, portraits squeezed to a square
 folders   one folder per class: open-door/, no-door/ and their like
 
-A camera.yaml beside doorways.csv or the class folders is the camera of its photographs (a ROS
+A views.csv beside doorways.csv (image, pitch_deg, + up) tells how each photograph was tilted. A
+camera.yaml beside doorways.csv or the class folders is the camera of its photographs (a ROS
 camera_info file); without one it is told by EXIF or assumed.
 """
 
@@ -77,6 +78,7 @@ _RENDERED_KINDS = {
 }
 
 CAMERA_FILE = "camera.yaml"
+VIEWS_FILE = "views.csv"
 HALF_OPEN = "half"  # a `state` of an open row
 # What a `state` of a picture marked by hand says is easily taken for an open doorway.
 _MARKED_KINDS = {"closed": ("closed door",), "none": ()}
@@ -147,6 +149,7 @@ def _read_doorways(path: Path, layout: str) -> tuple[list[Sample], bool]:
     known = True
     samples = []
     eyes = _read_eyes(path / "truth.jsonl") if layout == "rendered" else {}
+    poses = _read_views(path / VIEWS_FILE) if layout == "plain" else {}
     for name, rows in by_image.items():
         where, main = rows[0]
         stem = Path(name).stem
@@ -170,6 +173,8 @@ def _read_doorways(path: Path, layout: str) -> tuple[list[Sample], bool]:
             confidence=_confidence(main, where),
         )
         sample = _with_files(sample, path, layout, main, where)
+        if name in poses:
+            sample = replace(sample, pose=poses[name])
         if name in eyes:
             camera, pose, in_view = eyes[name]
             sample = replace(sample, camera=camera, pose=pose)
@@ -251,6 +256,17 @@ def _with_files(
         roll_deg=given("roll_deg", 0),
     )
     return replace(sample, camera=camera, pose=pose, depth_path=depth_path, depth_unit_m=0.001)
+
+
+def _read_views(path: Path) -> dict[str, Pose]:
+    """How each picture's camera was tilted; nothing where there is no such file."""
+    if not path.is_file():
+        return {}
+    poses = {}
+    for where, row in csv_rows(path, ("image", "pitch_deg")):
+        pitch = number(row, "pitch_deg", where)
+        poses[row["image"]] = Pose(pitch_deg=pitch or 0.0)
+    return poses
 
 
 def _read_eyes(path: Path) -> dict[str, tuple[Camera, Pose, list[str]]]:

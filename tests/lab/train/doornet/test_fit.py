@@ -184,6 +184,17 @@ def test_shares_say_which_sources_are_drawn(rendered: Path) -> None:
         Sampler(samples, config, AugmentConfig())
 
 
+def test_what_counts_double_is_drawn_twice_as_often(rendered: Path) -> None:
+    samples = [
+        replace(s, draws=3.0 if k == 0 else 1.0) for k, s in enumerate(read_rendered(rendered))
+    ]
+    samples = [replace(s, spans=(), place=str(k)) for k, s in enumerate(samples)]
+    sampler = Sampler(samples, replace(CONFIG, batch=50), AugmentConfig(colour=0, occluder=0))
+    names = [sample.name for step in range(4) for sample, _ in sampler.draw(step)]
+    share = names.count(samples[0].name) / len(names)
+    assert share == pytest.approx(3 / (len(samples) + 2), abs=0.1)
+
+
 def test_held_out_pictures_come_in_batches_of_one_shape(rendered: Path) -> None:
     samples = read_rendered(rendered)[:5]
     upright = [

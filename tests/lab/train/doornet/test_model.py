@@ -42,6 +42,26 @@ def outputs(model: Any, inputs: Any) -> dict[str, Any]:
         return dict(model(inputs, training=False))
 
 
+def test_fused_batch_norm_is_keras_own() -> None:
+    from doorway3ds.lab.train.doornet.model import fused_batch_norm
+
+    keras.config.set_image_data_format("channels_first")
+    x = torch.randn(8, 3, 16, 16, generator=torch.Generator().manual_seed(1)) * 2 + 1
+    layers = [kind(axis=1, momentum=0.9) for kind in (keras.layers.BatchNormalization,)]
+    layers.append(fused_batch_norm()(axis=1, momentum=0.9))
+    grads = []
+    for layer in layers:
+        y = layer(x, training=True)
+        (y**3).mean().backward()
+        grads.append(layer.gamma.value.grad)
+    own, fused = ([w.value.detach() for w in layer.weights] for layer in layers)
+    torch.testing.assert_close(grads[0], grads[1], rtol=1e-4, atol=1e-5)
+    for a, b in zip(own, fused, strict=True):  # running variances: biased and unbiased
+        torch.testing.assert_close(a, b, rtol=1e-3, atol=1e-4)
+    seen = [layer(x, training=False).detach() for layer in layers]
+    torch.testing.assert_close(*seen, rtol=1e-3, atol=1e-3)
+
+
 def test_outputs_have_their_shapes(net: DoorNet) -> None:
     seen = outputs(net.whole, picture())
     assert {name: tuple(value.shape) for name, value in seen.items()} == {

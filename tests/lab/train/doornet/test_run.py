@@ -85,8 +85,13 @@ def test_train_export_and_look(
     more = (str(marked), "--hold-out", "1/3", "--report", "3", "--threads", "1")
     assert train(rendered, teachers, recipe, out, *more, "--tensorboard") == 0
     card = json.loads((out / "doornet.json").read_text())
-    assert card["pictures"] == {"marked": 2, "rendered": 4}
+    assert card["pictures"] == {"rendered": 4, "site": 2}
     assert card["held_out_places"] == ["home-0", "home-3", "site-room0", "site-room3"]
+    held = (out / "held-out.csv").read_text().splitlines()
+    assert held[0] == "source,image,place,half" and held[1].startswith("rendered,")
+    assert {line.split(",")[2] for line in held[1:]} == set(card["held_out_places"])
+    assert {line.split(",")[3] for line in held[1:]} == {"1", "2"}
+    assert (out / "half-1.onnx").is_file() and (out / "half-2.onnx").is_file()
     # float16 storage rounds weights; nothing else may differ
     assert card["parity"] < 0.02
     network = DoorNet(out / "doornet.onnx")
@@ -128,6 +133,11 @@ def test_photographs_marked_by_hand_are_samples_without_depth(marked: Path) -> N
     assert [s.weight for s in samples[:3]] == [1.0, 0.8, 0.4]
     assert [s.place for s in samples[:3]] == ["site-room0", "site-room0", "site-room1"]
     assert all(s.depth_m is None and s.segments is None for s in samples)
+    assert {s.source for s in samples} == {"site"}
+    # taken from within the doorway, which covers most of the picture
+    text = (marked / "doorways.csv").read_text().replace("79.5,119.5", "9.5,119.5")
+    (marked / "doorways.csv").write_text(text)
+    assert [s.weight for s in read_marked(marked)[:3]] == [pytest.approx(0.3), 0.8, 0.4]
     whole, _, _, halved = samples[:4]
     assert (whole.image.shape, halved.image.shape) == ((120, 160, 3), (150, 200, 3))
     assert (whole.spans[0].left, whole.spans[0].right) == (79.5, 119.5)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import csv
 import datetime
+import io
 import json
 import platform
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -40,7 +43,7 @@ from doorway3ds.lab.train.engine.loop import Watcher
 from doorway3ds.networks.session import digest
 
 # what the network's file says of itself; the card beside it says the rest
-_SHOWN = ("name", "date", "depth_error", "held_out", "pictures", "thresholds", "costs")
+_SHOWN = ("name", "date", "depth_error", "held_out", "pictures", "thresholds", "presets", "costs")
 # FastDepth's relative error on rooms that it has not seen; those of NYU's training split it has
 _FASTDEPTH_ERROR = 0.16
 # readers of folders with doorways.csv, by layout
@@ -139,16 +142,17 @@ def predict(network: Path, samples: Sequence[Sample]) -> list[dict[str, Any]]:
     return found
 
 
-def calibrate(network: Path, held: Sequence[Sample]) -> tuple[Calibration, dict[str, Any]]:
-    """Scales and shifts of the logits, and the depth's error, on held-out photographs.
+def calibrate(answers: Sequence[dict[str, Any]]) -> tuple[Calibration, dict[str, Any]]:
+    """Scales and shifts of the logits, and the depth's error, on held-out pictures.
 
-    network: exported without calibration.
+    Every source counts alike for p_open. answers: of a file without calibration (`predict`).
     """
-    answers = predict(network, [s for s in held if s.source != "rendered"] or held)
     told = [a for a in answers if a["sample"].open is not None]
+    sizes = Counter(a["sample"].source for a in told)
     p_open = platt(
         np.array([[a["p_open"], a["score"].max()] for a in told]),
         np.array([a["sample"].open for a in told]),
+        np.array([1 / sizes[a["sample"].source] for a in told]),
     )
     # a strip's score is read at the best strip: is there an opening in that place?
     rooms = [a for a in told if a["sample"].source != "doors"] or told
@@ -157,7 +161,9 @@ def calibrate(network: Path, held: Sequence[Sample]) -> tuple[Calibration, dict[
         np.array([a["score"][k] for a, k in zip(rooms, best, strict=True)]),
         np.array([a["target"].score[k] > 0.5 for a, k in zip(rooms, best, strict=True)]),
     )
-    measured = [a for a in answers if a["target"].depth_weight == 1 and a["target"].depth.any()]
+    # rendered depth is no camera's
+    photographs = [a for a in answers if a["sample"].source != "rendered"] or answers
+    measured = [a for a in photographs if a["target"].depth_weight == 1 and a["target"].depth.any()]
     errors = {}
     if measured:
         errors["depth_error"] = relative_depth_error(
@@ -205,6 +211,9 @@ def train_doornet(
     if marks is not None:
         samples = apply_marks(samples, read_marks(marks))
     kept, held = split(samples, *hold_out, report) if hold_out else (samples, [])
+    halves = halves_of(held)
+    if team.leads and held:
+        write_held(out / "held-out.csv", held, halves)
     kept = kept + compose(kept, recipe.compose, recipe.fit.seed)
     keras.utils.set_random_seed(recipe.fit.seed)
     net = build_doornet(teachers.semantic, teachers.depth, recipe.network)
@@ -231,9 +240,14 @@ def train_doornet(
         save_weights(net, out / "blend.weights.h5")
     found, measured = Calibration(), dict[str, Any]()
     path = out / "doornet.onnx"
+    for_half: dict[int, Calibration] = {}
     if held:
         export_onnx(net.whole, path, metadata={})
-        found, measured = calibrate(path, held)
+        answers = predict(path, held)
+        found, measured = calibrate(answers)
+        for half in (1, 2):
+            other = [a for a in answers if halves[a["sample"].source, a["sample"].place] != half]
+            for_half[half] = calibrate(other)[0] if other else found
     elif calibration is not None:
         found, measured = read_calibration(calibration)
     card: dict[str, Any] = {
@@ -261,10 +275,14 @@ def train_doornet(
         "calibration": asdict(found),
         "depth_error": max(measured.get("depth_error", 0.0), _FASTDEPTH_ERROR),
         "thresholds": measured.get("thresholds", {}),
+        "presets": measured.get("presets", {}),
         "costs": asdict(recipe.costs),
         "recipe": recipe.text,
     }
     shown = {key: card[key] for key in _SHOWN}
+    # the file for a half of the held-out places has seen nothing of it: calibrated on the other
+    for half, calibrated in for_half.items():
+        export_onnx(net.whole, out / f"half-{half}.onnx", calibration=calibrated, metadata=shown)
     card["parity"] = export_onnx(net.whole, path, calibration=found, metadata=shown)
     card["sha256"], card["bytes"] = digest(path), path.stat().st_size
     write_bytes(out / "doornet.json", (json.dumps(card, indent=2) + "\n").encode())
@@ -273,6 +291,25 @@ def train_doornet(
         unseen, about = split(samples, report, hold_out[1])[1], _SEEN_BY_NOTHING
     write_report(out, card, history, predict(path, unseen), about)
     return card
+
+
+def halves_of(held: Sequence[Sample]) -> dict[tuple[str, str], int]:
+    """Half 1 or 2 of each source's places, by source and place."""
+    found: dict[tuple[str, str], int] = {}
+    for source in sorted({sample.source for sample in held}):
+        places = sorted({sample.place for sample in held if sample.source == source})
+        found |= {(source, place): 1 + number % 2 for number, place in enumerate(places)}
+    return found
+
+
+def write_held(path: Path, held: Sequence[Sample], halves: Mapping[tuple[str, str], int]) -> None:
+    """Which pictures training has not seen, for `3ds eval overview`."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("source", "image", "place", "half"))
+    writer.writerows((s.source, s.name, s.place, halves[s.source, s.place]) for s in held)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_bytes(path, text.getvalue().encode())
 
 
 def _identity(teachers: Teachers, recipe: Recipe, init: Path | None) -> str:
@@ -314,6 +351,7 @@ def read_calibration(path: Path) -> tuple[Calibration, dict[str, Any]]:
     try:
         card = json.loads(path.read_text(encoding="utf-8"))
         measured = {key: card[key] for key in ("depth_error", "thresholds")}
+        measured["presets"] = card.get("presets", {})
         return Calibration(**card["calibration"]), measured
     except OSError as error:
         raise UserError(f"cannot read the card {path}: {error.strerror}") from error

@@ -14,10 +14,13 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating[Any]]
 
 
-def platt(logits: Array, labels: Array, steps: int = 50) -> tuple[float, ...]:
+def platt(
+    logits: Array, labels: Array, weights: Array | None = None, steps: int = 50
+) -> tuple[float, ...]:
     """(scale, ..., shift) such that sigmoid(scale * logit + ... + shift) is a probability.
 
     logits: (N,) or (N, K) for K logits that speak of the same thing; labels: (N,), 0 or 1.
+    weights: (N,), of each picture, default 1; only their ratios count.
     The mean of the logits where there are fewer than ten of either label. A scale below zero
     is no calibration: that logit is left out.
     """
@@ -29,20 +32,22 @@ def platt(logits: Array, labels: Array, steps: int = 50) -> tuple[float, ...]:
         return (*(1 / count for _ in range(count)), 0.0)
     target = np.where(labels > 0.5, (positive + 1) / (positive + 2), 1 / (negative + 2))
     design = np.column_stack([logits, np.ones(len(labels))])
-    weights = np.zeros(count + 1)  # from here Newton steps do not overshoot
+    share = np.ones(len(labels)) if weights is None else np.asarray(weights, float)
+    share = share * (len(labels) / share.sum())
+    found = np.zeros(count + 1)  # from here Newton steps do not overshoot
     for _ in range(steps):
-        p = 1 / (1 + np.exp(-np.clip(design @ weights, -30, 30)))
-        gradient = design.T @ (p - target)
-        hessian = design.T @ (design * (p * (1 - p))[:, None]) + 1e-6 * np.eye(count + 1)
+        p = 1 / (1 + np.exp(-np.clip(design @ found, -30, 30)))
+        gradient = design.T @ (share * (p - target))
+        hessian = design.T @ (design * (share * p * (1 - p))[:, None]) + 1e-6 * np.eye(count + 1)
         step = np.linalg.solve(hessian, gradient)
-        weights = weights - step * min(1.0, 5.0 / max(np.abs(step).max(), 1e-9))
+        found = found - step * min(1.0, 5.0 / max(np.abs(step).max(), 1e-9))
         if np.abs(step).max() < 1e-8:
             break
-    if count > 1 and (weights[:-1] < 0).any():
-        worst = int(np.argmin(weights[:-1]))
-        kept = list(platt(np.delete(logits, worst, axis=1), labels, steps))
+    if count > 1 and (found[:-1] < 0).any():
+        worst = int(np.argmin(found[:-1]))
+        kept = list(platt(np.delete(logits, worst, axis=1), labels, weights, steps))
         return (*kept[:worst], 0.0, *kept[worst:])
-    return (*(float(max(scale, 0.0)) for scale in weights[:-1]), float(weights[-1]))
+    return (*(float(max(scale, 0.0)) for scale in found[:-1]), float(found[-1]))
 
 
 def relative_depth_error(predicted: Array, true: Array) -> float:

@@ -1,9 +1,11 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from doorway3ds.lab.train.doornet.data.augment import AugmentConfig, view
+from doorway3ds.lab.train.doornet.data.augment import AugmentConfig, lowered, view
 from doorway3ds.lab.train.doornet.data.samples import Sample, Span
 from doorway3ds.lab.train.doornet.model import CANONICAL_F_PX
 
@@ -77,3 +79,19 @@ def test_loose_boxes_leave_the_leaf_out() -> None:
     assert np.all(target.score_weight[outside] == 1)
     assert np.any(target.score_weight[strict.score > 0] == 0)
     assert target.clear_weight.sum() == 0
+
+
+def test_a_lowered_camera_sees_the_floor_end_nearer_to_the_horizon() -> None:
+    """Columns and depth stay; what was 80 rows below the horizon is 40 below at half height."""
+    sample = wall((120.0, 230.0))
+    level = sample.camera[3]  # no floor tells the horizon: that of the optical axis
+    image = sample.image.copy()
+    image[round(level) + 80 :] = (255, 0, 0)
+    low = lowered(replace(sample, image=image), 0.5)
+    assert low.spans == sample.spans and low.depth_m is not None and np.all(low.depth_m == 3)
+    rows = np.flatnonzero(low.image[:, 10, 0] > 127)
+    above = level * (2.2 - 1.35 * 0.5) / (2.2 - 1.35)
+    assert rows[0] - above == pytest.approx(40, abs=1.5)
+    assert len(low.image) == pytest.approx(above + (HEIGHT - 1 - level) / 2, abs=1.5)
+    tall = replace(sample, image=np.zeros((400, 300, 3), np.uint8))
+    assert lowered(tall, 0.5) is tall

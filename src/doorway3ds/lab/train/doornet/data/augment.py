@@ -83,7 +83,7 @@ def view(
 ) -> Target:
     """One training picture of `size` (h, w); rng None gives the plain centre view."""
     height, width = size
-    if rng is not None and rng.random() < config.low:
+    if rng is not None and config.low and rng.random() < config.low:
         sample = lowered(sample, rng.uniform(0.3, 0.7))
     rows, columns = sample.image.shape[:2]
     source = _matrix(sample.camera)

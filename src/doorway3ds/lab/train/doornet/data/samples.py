@@ -248,7 +248,7 @@ def read_rendered(folder: Path) -> list[Sample]:
                 segments=segments,
                 # not open and only guessed: a doorway is glimpsed, too little of it to count
                 weight=0.0 if glimpse else CONFIDENCE[int(first["confidence"])],
-                draws=_LOW_DRAWS if float(first["height_m"]) < _LOW_M else 1.0,
+                draws=_LOW_DRAWS if float(first.get("height_m") or _LOW_M) < _LOW_M else 1.0,
                 extra={"floor": floor > 127},
             )
         )

@@ -1,0 +1,250 @@
+"""What files of networks are worth on places that they were not trained on, set by set.
+
+A training with `--hold-out` lists the pictures that it kept to itself in `held-out.csv`; this
+measures any files on them, by one rule for all sets, and the differences to the first, paired.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.decide.gates import Gates
+from doorway3ds.decide.pipeline import operating_point
+from doorway3ds.errors import UserError
+from doorway3ds.files import write_bytes
+from doorway3ds.lab.datasets.csvfile import csv_rows
+from doorway3ds.lab.datasets.readers import read_dataset
+from doorway3ds.lab.datasets.samples import Dataset, Sample
+from doorway3ds.lab.evaluate import direction, intervals, metrics, runners
+from doorway3ds.lab.evaluate.classifier import ECE_BINS
+from doorway3ds.lab.evaluate.direction import DirectionRecord
+from doorway3ds.lab.evaluate.intervals import Indices, Interval
+from doorway3ds.lab.evaluate.report.pages import WORST, badness
+from doorway3ds.lab.evaluate.report.sheets import contact_sheet, direction_tile
+from doorway3ds.networks.base import Network
+from doorway3ds.types import Reason
+
+ROBOT_LOW_M = 0.65  # a robot's camera is below
+
+# of `direction.METRICS`, and of p_open alone
+COLUMNS: dict[str, str] = {
+    "within_5deg": "within 5 deg",
+    "inside": "inside",
+    "auc": "p_open AUC",
+    "go_without_door": "false turns (no doorway)",
+    "go_when_blocked": "turns when blocked",
+    "go_when_clear": "turns when clear",
+    "closed_open": "called open where none is",
+    "open_open": "called open where one is",
+    "ece": "ECE",
+}
+_OF_P_OPEN = ("closed_open", "open_open", "ece")
+
+
+@dataclass(frozen=True)
+class HeldSet:
+    """Held-out pictures of one kind. rough: marks are boxes, which tell no bearing and no way.
+
+    halves: 1 or 2 of each place.
+    """
+
+    name: str
+    samples: tuple[Sample, ...]
+    rough: bool = False
+    halves: Mapping[str, int] = field(default_factory=dict)
+
+    def half(self, which: int) -> HeldSet:
+        """The pictures of one half of the places."""
+        own = tuple(s for s in self.samples if self.halves[s.place] == which)
+        return replace(self, samples=own)
+
+
+@dataclass(frozen=True)
+class Row:
+    """values: by the names in COLUMNS, those that the set tells."""
+
+    name: str
+    file: str
+    pictures: int
+    doorways: int
+    values: Mapping[str, Interval]
+
+    def to_dict(self) -> dict[str, Any]:
+        told = {key: value.to_dict() for key, value in self.values.items()}
+        return {**vars(self), "values": told}
+
+
+def source_of(dataset: Dataset) -> str:
+    """What training calls the pictures of a folder."""
+    if dataset.layout == "plain":
+        return dataset.path.resolve().name
+    return "doors" if dataset.layout == "boxes" else dataset.layout
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """What `held-out.csv` says of one source: place of each picture, half of each place."""
+
+    places: dict[str, str] = field(default_factory=dict)
+    halves: dict[str, int] = field(default_factory=dict)
+
+
+def read_held(path: Path) -> dict[str, HeldOut]:
+    """The pictures that a training kept to itself, by source."""
+    found: dict[str, HeldOut] = {}
+    for where, row in csv_rows(path, ("source", "image", "place", "half")):
+        if row["half"] not in ("1", "2"):
+            raise UserError(f"{where}: expected half 1 or 2, got '{row['half']}'")
+        own = found.setdefault(row["source"], HeldOut())
+        own.places[row["image"]] = row["place"]
+        own.halves[row["place"]] = int(row["half"])
+    return found
+
+
+def held_sets(folders: Sequence[Path], held: Mapping[str, HeldOut]) -> list[HeldSet]:
+    """The held-out pictures of each folder; of rendered ones also those of a low camera.
+
+    Raises UserError where a folder holds none.
+    """
+    found = []
+    for folder in folders:
+        dataset = read_dataset(folder)
+        told = held.get(source_of(dataset), HeldOut())
+        places = told.places
+        own = tuple(replace(s, place=places[s.name]) for s in dataset.samples if s.name in places)
+        if not own:
+            raise UserError(f"none of the held-out pictures is in {folder}")
+        name = folder.resolve().name
+        found.append(HeldSet(name, own, dataset.layout == "boxes", told.halves))
+        low = tuple(s for s in own if (s.pose.height_m or math.inf) < ROBOT_LOW_M)
+        if low and len(low) < len(own):
+            found.append(
+                replace(found[-1], name=f"{name}, camera below {ROBOT_LOW_M} m", samples=low)
+            )
+    return found
+
+
+def score(
+    records: Sequence[DirectionRecord],
+    rough: bool,
+    repeats: int = 2000,
+    before: Sequence[DirectionRecord] | None = None,
+) -> dict[str, Interval]:
+    """Each of COLUMNS that the set tells, or with `before` the difference to it."""
+    if before is None:
+        found = dict(direction.score(records, repeats).values)
+    else:
+        found = direction.difference(before, records, repeats)
+    wanted = {name: found[name] for name in COLUMNS if name in found}
+    places = [r.truth.place for r in records]
+    mine = _p_open_statistic(records)
+    if before is None:
+        told = intervals.bootstrap(mine, places, repeats)
+    else:
+        told = intervals.paired_difference(_p_open_statistic(before), mine, places, repeats)
+    for name, value, low, high in zip(_OF_P_OPEN, *told, strict=True):
+        wanted[name] = Interval(float(value), float(low), float(high), len(records))
+    left_out = [n for n in wanted if n not in ("auc", *_OF_P_OPEN)] if rough else []
+    return {name: wanted[name] for name in COLUMNS if name not in left_out}
+
+
+def _p_open_statistic(
+    records: Sequence[DirectionRecord],
+) -> Callable[[Indices], NDArray[np.floating[Any]]]:
+    told = np.array([r.truth.is_open is not None for r in records], bool)
+    is_open = np.array([bool(r.truth.is_open) for r in records], bool)
+    p_open = np.array([r.p_open for r in records], float)
+    called = np.array([r.reason != Reason.NO_DOOR.value for r in records], float)
+
+    def statistic(indices: Indices) -> NDArray[np.floating[Any]]:
+        known = indices[told[indices]]
+        truth, chance, says = is_open[known], p_open[known], called[known]
+        ece = metrics.calibration(truth, chance, ECE_BINS).ece if len(known) else math.nan
+        shares = (intervals.nan_mean(says[truth == which]) for which in (False, True))
+        return np.array([*shares, ece])
+
+    return statistic
+
+
+def compare(
+    part: HeldSet,
+    names: Sequence[str],
+    load: Callable[[str], Network],
+    preset: str | None = None,
+    repeats: int = 2000,
+    sheets: Path | None = None,
+    progress: Callable[[Sequence[Sample]], Iterable[Sample]] = lambda samples: samples,
+) -> list[Row]:
+    """A row for each network, and one for each further network's difference to the first.
+
+    names: files or known names; {k} in one stands for the half of the places that it looks at.
+    sheets: folder for contact sheets of each network's worst pictures.
+    """
+    rows: list[Row] = []
+    first: list[DirectionRecord] = []
+    order = {sample.name: number for number, sample in enumerate(part.samples)}
+    for number, name in enumerate(names):
+        halves = [part.half(k).samples for k in (1, 2)] if "{k}" in name else [part.samples]
+        records: list[DirectionRecord] = []
+        for k, samples in enumerate(halves, 1):
+            if not samples:
+                continue
+            network = load(name.replace("{k}", str(k)))
+            params, gates = operating_point(network, preset) if preset else (None, Gates())
+            answer = runners.methods_on(network, name, ["opening"], params=params, gates=gates)
+            runs = runners.run_direction(progress(samples), answer)
+            records += next(iter(runs.records.values()))
+        records.sort(key=lambda record: order[record.truth.image])
+        size = (len(records), sum(bool(r.truth.openings) for r in records))
+        rows.append(Row(part.name, name, *size, score(records, part.rough, repeats)))
+        if number:
+            told = score(records, part.rough, repeats, first)
+            rows.append(Row(part.name, f"{name} minus {names[0]}", *size, told))
+        else:
+            first = records
+        if sheets is not None:
+            _write_worst(sheets / f"{part.name}-{number}.png", part.samples, records)
+    return rows
+
+
+def _write_worst(path: Path, samples: Sequence[Sample], records: Sequence[DirectionRecord]) -> None:
+    by_name = {s.name: s for s in samples}
+    judged = [(r, direction.judge(r)) for r in records]
+    judged.sort(key=lambda pair: badness(pair[1], pair[0]), reverse=True)
+    tiles = [direction_tile(by_name[r.truth.image], r, o) for r, o in judged[:WORST]]
+    sheet = cv2.cvtColor(contact_sheet(tiles), cv2.COLOR_RGB2BGR)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_bytes(path, cv2.imencode(".png", sheet)[1].tobytes())
+
+
+def table(rows: Iterable[Row]) -> str:
+    """Markdown: set, file, doorways, COLUMNS."""
+    heads = ["places held out", "file", "pictures", "doorways", *COLUMNS.values()]
+    lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
+    for row in rows:
+        cells = [_cell(key, row.values.get(key)) for key in COLUMNS]
+        first = [row.name, row.file, str(row.pictures), str(row.doorways)]
+        lines.append("| " + " | ".join([*first, *cells]) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _cell(key: str, value: Interval | None) -> str:
+    if value is None or math.isnan(value.value):
+        return "–"
+    plain = key in ("auc", "ece")
+    digits, scale, unit = (3, 1, "") if plain else (1, 100, " %")
+
+    def told(number: float) -> str:
+        return f"{number * scale:.{digits}f}"
+
+    if math.isnan(value.low):
+        return f"{told(value.value)}{unit}"
+    return f"{told(value.value)}{unit} ({told(value.low)} to {told(value.high)})"
