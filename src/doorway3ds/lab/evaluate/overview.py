@@ -145,13 +145,13 @@ def score(
         found = direction.difference(before, records, repeats)
     wanted = {name: found[name] for name in COLUMNS if name in found}
     places = [r.truth.place for r in records]
-    mine = _p_open_statistic(records)
+    mine, counts = _p_open_statistic(records), [len(records)] * len(_OF_P_OPEN)
     if before is None:
-        told = intervals.bootstrap(mine, places, repeats)
+        told = intervals.bootstrap(mine, places, counts, repeats)
     else:
-        told = intervals.paired_difference(_p_open_statistic(before), mine, places, repeats)
-    for name, value, low, high in zip(_OF_P_OPEN, *told, strict=True):
-        wanted[name] = Interval(float(value), float(low), float(high), len(records))
+        was = _p_open_statistic(before)
+        told = intervals.paired_difference(was, mine, places, counts, repeats)
+    wanted |= dict(zip(_OF_P_OPEN, told, strict=True))
     left_out = [n for n in wanted if n not in ("auc", *_OF_P_OPEN)] if rough else []
     return {name: wanted[name] for name in COLUMNS if name not in left_out}
 
