@@ -53,13 +53,14 @@ _OF_P_OPEN = ("closed_open", "open_open", "ece")
 class HeldSet:
     """Held-out pictures of one kind. rough: marks are boxes, which tell no bearing and no way.
 
-    halves: 1 or 2 of each place.
+    halves: 1 or 2 of each place. whole: False for pictures that are in another set already.
     """
 
     name: str
     samples: tuple[Sample, ...]
     rough: bool = False
     halves: Mapping[str, int] = field(default_factory=dict)
+    whole: bool = True
 
     def half(self, which: int) -> HeldSet:
         """The pictures of one half of the places."""
@@ -126,9 +127,8 @@ def held_sets(folders: Sequence[Path], held: Mapping[str, HeldOut]) -> list[Held
         found.append(HeldSet(name, own, dataset.layout == "boxes", told.halves))
         low = tuple(s for s in own if (s.pose.height_m or math.inf) < ROBOT_LOW_M)
         if low and len(low) < len(own):
-            found.append(
-                replace(found[-1], name=f"{name}, camera below {ROBOT_LOW_M} m", samples=low)
-            )
+            title = f"{name}, camera below {ROBOT_LOW_M} m"
+            found.append(replace(found[-1], name=title, samples=low, whole=False))
     return found
 
 

@@ -41,7 +41,6 @@ GRID: dict[str, tuple[float, ...]] = {
     "clearance.vote_blocks": (0.0, 0.3, 0.4, 0.5, 0.6),
     # never below 0.5: what the depth shows in the way is not argued away by less than a chance
     "clearance.vote_frees": (0.5, 0.6, 0.7, 0.85, 1.1),
-    "clearance.height_gain": (0.15, 0.3, 0.5),
 }
 RATES = ("go_without_door", "go_when_blocked", "go_when_clear")
 
@@ -178,7 +177,7 @@ def tune_run(
             "pictures that it has not seen: train with --hold-out K/N"
         )
     parts = held_sets(datasets, read_held(folder / "held-out.csv"))
-    parts = [part for part in parts if not part.rough]
+    parts = [part for part in parts if part.whole and not part.rough]
     told = _choose(network_file, parts, tell)
     card |= told | {"sha256": digest(network_file)}
     for half in (1, 2):
