@@ -131,8 +131,8 @@ def test_limits_come_with_the_network(tmp_path: Path) -> None:
 
 def test_a_preset_sets_limits_and_gate(tmp_path: Path) -> None:
     presets = {"eager": {"open_from": 0.3, "limits": {"sure_score": 0.1}}, "odd": 3}
-    metadata = {**tinynets.METADATA, "presets": presets}
-    network = DoorNet(tinynets.doornet(tmp_path / "a.onnx", p_open=-0.5, metadata=metadata))
+    metadata = {**factories.METADATA, "presets": presets}
+    network = DoorNet(factories.doornet(tmp_path / "a.onnx", p_open=-0.5, metadata=metadata))
     pipeline = Pipeline(network, gates=Gates(aligned_deg=1.0), preset="eager")
     assert pipeline.gates == Gates(open_from=0.3, aligned_deg=1.0)
     assert pipeline.params is not None and pipeline.params.sure_score == 0.1

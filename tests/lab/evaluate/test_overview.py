@@ -9,9 +9,9 @@ import pytest
 
 from doorway3ds.errors import UserError
 from doorway3ds.lab.evaluate.overview import held_sets, read_held
-from tests import tinynets
+from tests import factories
 from tests.conftest import Cli
-from tests.lab.train.sites import write_site
+from tests.factories import write_site
 
 
 @pytest.fixture
@@ -35,8 +35,8 @@ def test_only_held_out_pictures_are_measured(held: Path, tmp_path: Path) -> None
 
 
 def test_networks_are_compared_with_the_first(held: Path, tmp_path: Path, cli: Cli) -> None:
-    always = tinynets.doornet(tmp_path / "always.onnx", p_open=3.0)
-    never = tinynets.doornet(tmp_path / "never.onnx", p_open=-3.0)
+    always = factories.doornet(tmp_path / "always.onnx", p_open=3.0)
+    never = factories.doornet(tmp_path / "never.onnx", p_open=-3.0)
     told, sheets = tmp_path / "told.json", tmp_path / "sheets"
     call = ("eval", "overview", tmp_path / "site", "--held-out", held, "--repeats", 50)
     files = ("--network", always, "--network", never)
@@ -54,13 +54,13 @@ def test_networks_are_compared_with_the_first(held: Path, tmp_path: Path, cli: C
     assert sorted(p.name for p in sheets.iterdir()) == ["site-0.png", "site-1.png"]
     # each half by its own file
     for half, odds in ((1, 3.0), (2, -3.0)):
-        tinynets.doornet(tmp_path / f"half-{half}.onnx", p_open=odds)
+        factories.doornet(tmp_path / f"half-{half}.onnx", p_open=odds)
     ran = cli(*call, "--network", tmp_path / "half-{k}.onnx", "--json", told)
     (row,) = json.loads(told.read_text())["rows"]
     assert row["values"]["open_open"]["value"] == 0.5 and row["pictures"] == 8
     # a preset moves the gate: nobody is called open from 0.99 on
-    strict = {**tinynets.METADATA, "presets": {"strict": {"open_from": 0.99}}}
-    named = tinynets.doornet(tmp_path / "named.onnx", p_open=3.0, metadata=strict)
+    strict = {**factories.METADATA, "presets": {"strict": {"open_from": 0.99}}}
+    named = factories.doornet(tmp_path / "named.onnx", p_open=3.0, metadata=strict)
     ran = cli(*call, "--network", named, "--preset", "strict", "--json", told)
     assert ran.status == 0
     assert json.loads(told.read_text())["rows"][0]["values"]["open_open"]["value"] == 0

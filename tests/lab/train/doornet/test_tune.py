@@ -14,9 +14,9 @@ from doorway3ds.lab.datasets.readers import read_dataset
 from doorway3ds.lab.evaluate.overview import HeldSet
 from doorway3ds.lab.train.doornet import tune
 from doorway3ds.networks.doornet import DoorNet
-from tests import tinynets
+from tests import factories
 from tests.conftest import Cli
-from tests.lab.train.sites import write_site
+from tests.factories import write_site
 
 pytestmark = pytest.mark.train
 
@@ -25,7 +25,7 @@ def test_limits_keep_within_the_bounds(tmp_path: Path) -> None:
     """A network that sees a door everywhere: only a shut gate turns nowhere without one."""
     site = write_site(tmp_path / "site", rooms=4)
     part = HeldSet("site", read_dataset(site).samples)
-    network = DoorNet(tinynets.doornet(tmp_path / "always.onnx", p_open=1.0))  # 0.73
+    network = DoorNet(factories.doornet(tmp_path / "always.onnx", p_open=1.0))  # 0.73
     seen = tune.Tuning.look(network, part)
     strict = tune.tune([seen], tune.Goal(0.01, 0.05, (0.5, 0.7, 0.8)), grid={})
     assert strict == {"open_from": 0.8}
@@ -37,11 +37,11 @@ def test_presets_come_with_the_file(
     tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     site, run = write_site(tmp_path / "site", rooms=4), tmp_path / "run"
-    tinynets.doornet(run / "doornet.onnx")
+    factories.doornet(run / "doornet.onnx")
     rows = [f"site,room{r:02d}/{n}.png,{r},{1 + r % 2}" for r in range(4) for n in range(4)]
     (run / "held-out.csv").write_text("\n".join(["source,image,place,half", *rows]) + "\n")
     for half in (1, 2):
-        tinynets.doornet(run / f"half-{half}.onnx")
+        factories.doornet(run / f"half-{half}.onnx")
     card = {"held_out": None, "calibration": {}, "depth_error": 0.1, "thresholds": {}}
     (run / "doornet.json").write_text(json.dumps(card))
     ran = cli("train", "limits", run, site)
