@@ -224,6 +224,7 @@ def test_what_was_learned_is_blended_with_what_it_began_with(
     from doorway3ds.lab.train.doornet.run import Teachers, load_weights
 
     first, second = tmp_path / "first", tmp_path / "second"
+    recipe.write_text(RECIPE + "first_share: 0.5\n")
     assert train(rendered, teachers, recipe, first) == 0
     recipe.write_text(RECIPE.replace("seed: 2", "seed: 5") + "init_share: 0.25\n")
     init = first / "stage-1.weights.h5"
@@ -231,10 +232,17 @@ def test_what_was_learned_is_blended_with_what_it_began_with(
 
     found = Teachers.in_folder(teachers)
     net = build_doornet(found.semantic, found.depth, read_recipe(recipe).network)
-    held = []
-    for path in (init, second / "stage-1.weights.h5", second / "blend.weights.h5"):
+
+    def weights(path: Path) -> list[np.ndarray]:
         load_weights(net, path)
-        held.append([weight.value.detach().numpy().copy() for weight in net.whole.weights])
+        return [weight.value.detach().numpy().copy() for weight in net.whole.weights]
+
+    names = ("stage-0.weights.h5", "stage-1.weights.h5", "blend.weights.h5")
+    stages = [weights(first / name) for name in names]
+    assert any(not np.allclose(a, b, atol=1e-4) for a, b, _ in zip(*stages, strict=True))
+    for began, learned, kept in zip(*stages, strict=True):
+        assert np.allclose(kept, (began + learned) / 2, atol=1e-5)
+    held = [weights(path) for path in (init, *(second / name for name in names[1:]))]
     assert any(not np.allclose(a, b, atol=1e-4) for a, b, _ in zip(*held, strict=True))
     for began, learned, kept in zip(*held, strict=True):
         assert np.allclose(kept, 0.25 * began + 0.75 * learned, atol=1e-5)
@@ -257,6 +265,7 @@ def test_what_was_learned_is_blended_with_what_it_began_with(
         ("{stages: [{epochs: 1, learning_rate: 1}], costs: {missed: high}}", "missed must be a n"),
         ("{stages: [{epochs: 1, learning_rate: 1}], costs: 3}", "costs: expected a mapping"),
         ("{stages: [{epochs: 1, learning_rate: 1}], init_share: 1.5}", "a share from 0 to 1"),
+        ("{stages: [{epochs: 1, learning_rate: 1}], first_share: 2}", "first_share must be a sh"),
         ("{stages: [{epochs: 1, learning_rate: 1}], shares: 2}", "shares must be a mapping"),
         ("{stages: [{epochs: 1, learning_rate: 1}], shares: {nyu: most}}", "nyu must be a number"),
         ("{stages: [{epochs: 1, learning_rate: 1}], shares: {nyu: .nan}}", "nyu must be a number"),

@@ -36,6 +36,7 @@ class Recipe:
     closed_weight: of a photograph that a closed door fills, among those of one.
     costs: of p_open's errors, told to the runtime by the network's file.
     init_share: of the weights that the training began with (`--init`) in those that it keeps.
+    first_share: of the first stage's weights in those that a training of several stages keeps.
     """
 
     fit: FitConfig
@@ -48,6 +49,7 @@ class Recipe:
     closed_weight: float = 1.0
     costs: Costs = field(default_factory=Costs)
     init_share: float = 0.0
+    first_share: float = 0.0
     text: str = ""
 
 
@@ -116,12 +118,13 @@ def read_recipe(path: Path | None = None) -> Recipe:
     if isinstance(costs, Mapping):
         costs = {key: _number(f"{name}: costs, {key}", value) for key, value in costs.items()}
     parts["costs"] = _build(Costs, costs, f"{name}, costs")
-    numbers = ("same_place", "closed_weight", "init_share")
-    same_place, closed_weight, init_share = (
+    numbers = ("same_place", "closed_weight", "init_share", "first_share")
+    same_place, closed_weight, init_share, first_share = (
         _number(f"{name}: {key}", values.pop(key, getattr(Recipe, key))) for key in numbers
     )
-    if init_share > 1:
-        raise UserError(f"{name}: init_share must be a share from 0 to 1, got {init_share:g}")
+    for key, share in (("init_share", init_share), ("first_share", first_share)):
+        if share > 1:
+            raise UserError(f"{name}: {key} must be a share from 0 to 1, got {share:g}")
     for key in ("shares", "portrait_shares"):
         if key in values:
             values[key] = _shares(f"{name}: {key}", values[key])
@@ -132,5 +135,6 @@ def read_recipe(path: Path | None = None) -> Recipe:
         same_place=same_place,
         closed_weight=closed_weight,
         init_share=init_share,
+        first_share=first_share,
         **parts,
     )

@@ -235,6 +235,9 @@ def train_doornet(
     )
     if not team.leads:
         return {}
+    if recipe.first_share and len(recipe.fit.stages) > 1:
+        blend(net, out / "stage-0.weights.h5", recipe.first_share)
+        save_weights(net, out / "blend.weights.h5")
     if init is not None and recipe.init_share:
         blend(net, init, recipe.init_share)
         save_weights(net, out / "blend.weights.h5")
