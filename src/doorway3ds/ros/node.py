@@ -114,12 +114,12 @@ class DoorwayNode:
         self._odometry = Odometry()
         self._base = self._make_base(motion)
         pipeline = build_pipeline(group(node, DecideOptions))
-        self._session = Session(self._source, pipeline, heading=self._heading)
         self._outputs = Outputs(node, image_topic, self._topics.robot_frame)
         self._subscribe(image_topic, kind)
         self._serve(calls)
         moves = "it turns when asked" if self._move else "nothing moves (move:=false)"
         node.get_logger().info(f"deciding on {image_topic}; {moves}")
+        self._session = Session(self._source, pipeline, heading=self._heading)
 
     def decide(self) -> None:
         """Decides on every image until `close`, or Ctrl-C in the calling thread."""
