@@ -22,6 +22,7 @@ FOREIGN = {
         "--logdir",
         "--nproc-per-node",
         "--module",
+        "--packages-select",
         "--ros-args",
     ),
     *("--minutes", "--seconds"),  # of benchmarks/

@@ -13,6 +13,10 @@ CONTEXT = {"allow_extra_args": True, "ignore_unknown_options": True}
 
 def ros(
     context: typer.Context,
+    ros_args: Annotated[
+        bool,
+        typer.Option("--ros-args", help="Begin ROS's own arguments: -r, -p, --params-file, ..."),
+    ] = False,
     parameters: Annotated[
         bool, typer.Option("--parameters", help="List the parameters and exit.")
     ] = False,
@@ -31,7 +35,7 @@ def ros(
     from doorway3ds.ros.node import run
 
     with ended_by_sigterm():
-        run(context.args)
+        run(["--ros-args", *context.args] if ros_args else context.args)
 
 
 def _list() -> None:
