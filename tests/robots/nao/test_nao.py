@@ -17,6 +17,8 @@ from doorway3ds.errors import CallError, UserError
 from doorway3ds.lab.sim.robot.body import Body, Gait
 from doorway3ds.lab.sim.robot.nao import Faults
 from doorway3ds.robots.base import RobotError, RobotLost, TurnEnd
+from doorway3ds.robots.nao.camera import NaoCapture
+from doorway3ds.robots.nao.format import camera_of
 from doorway3ds.robots.nao.session import Naoqi, address
 from doorway3ds.sources import SourceLost, open_source
 from tests.robots.conftest import picture
@@ -434,3 +436,38 @@ def test_a_robot_that_says_no_angle_or_place_is_one_line(odd: Any, answer: Any) 
         with pytest.raises(RobotError, match=r"ALMotion\.get\w+: expected \d numbers"):
             ask()
     robot.close()
+
+
+@pytest.mark.parametrize(
+    ("angles", "known"),
+    [
+        ((0.5, 0.4, -0.5, -0.4), True),
+        ((28.6, 22.9, -28.6, -22.9), False),  # degrees
+        ((0.0, 0.0, 0.0, 0.0), False),
+        ((-0.5, -0.4, 0.5, 0.4), False),
+        ((None, 0.4, -0.5, -0.4), False),
+        ((HOPELESS, 0.4, -0.5, -0.4), False),
+    ],
+)
+def test_angles_that_make_no_sense_are_no_calibration(angles: Any, known: bool) -> None:
+    camera = camera_of([320, 240, 3, 11, 1, 0, b"", 0, *angles])
+    assert (camera is not None) == known
+
+
+def test_a_robot_without_stamps_is_not_taken_for_a_frozen_one() -> None:
+    level = [1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0, 0.5, 0, 0, 0, 1.0]
+    answers = {
+        "getSubscribers": [], "subscribeCamera": "me_0", "releaseImage": True,
+        "getTransform": level, "unsubscribe": True,
+        "getImageRemote": (4, 2, 3, 11, 0, 0, bytes(24), 0, 0.5, 0.4, -0.5, -0.4),
+    }  # fmt: skip
+
+    class Stampless:
+        name = "robot"
+
+        def call(self, service: str, method: str, *values: Any, **options: Any) -> Any:
+            return answers[method]
+
+    capture = NaoCapture(Stampless(), (0, "CameraTop"), 1, 11, 30)  # type: ignore[arg-type]
+    shots = [capture.read() for _ in range(2)]
+    assert [shot is not None for shot in shots] == [True, True]

@@ -23,6 +23,7 @@ from doorway3ds.sources.uri import query
 
 CAMERAS = {"top": (0, "CameraTop"), "bottom": (1, "CameraBottom")}
 PATIENCE_S = 1.0
+NO_STAMP = (0, 0)
 STEADY_DEG = 0.5
 """A camera that turned by more than this while its picture was fetched has no known pose."""
 
@@ -118,7 +119,7 @@ class NaoCapture:
         fields = naoformat.fields_of(container)
         image, camera = naoformat.to_rgb(fields), naoformat.camera_of(fields)
         stamp = (int(fields[4]), int(fields[5]))
-        if stamp in self._seen:
+        if stamp in self._seen and stamp != NO_STAMP:
             raise UserError("the robot sends the same image again, with the same stamp")
         self._seen[:] = [stamp]
         after = self._pose()

@@ -177,6 +177,20 @@ def test_velocities_are_kept_until_it_is_stopped() -> None:
     assert motion.getRobotPosition(True)[0] == pytest.approx(0.2, abs=0.02)
 
 
+def test_legs_that_hold_walk_without_wakeup_and_limp_ones_do_not() -> None:
+    nao, motion = robot()
+    with pytest.raises(RuntimeError, match="limp"):
+        motion.moveTo(0.1, 0.0, 0.0)
+    motion.stiffnessInterpolation("Body", 1.0, 1.0)
+    motion.walkInit()
+    assert motion.walkTo(0.1, 0.0, 0.0)
+    motion.moveToward(1.0, 0.0, 0.0)
+    nao.body.clock.sleep(1.0)
+    motion.setStiffnesses("RLeg", 0.0)
+    assert not motion.moveIsActive()
+    assert motion.getRobotPosition(True)[0] < 0.2
+
+
 def test_walking_into_a_wall_returns_false_and_presses_both_bumpers() -> None:
     nao, motion = robot(body=walled(3.0, 1.0))
     motion.wakeUp()

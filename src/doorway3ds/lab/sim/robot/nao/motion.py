@@ -69,6 +69,8 @@ class Motion(Walk):
         joints = self._joints(names)
         for name, value in zip(joints, each("setStiffnesses", values, len(joints)), strict=True):
             self._nao.body.stiffen(name, float(value))
+        if not self._legs_hold():
+            self._nao.body.stop()
 
     @returns("[f]")
     def getStiffnesses(self, names: Any) -> list[float]:

@@ -175,8 +175,12 @@ class Walk(Service):
         return list(self._arms)
 
     def _stand(self, method: str) -> None:
-        if not self._nao.body.awake:
-            raise RuntimeError(f"ALMotion::{method} the robot is not awake")
+        if not self._legs_hold():
+            raise RuntimeError(f"ALMotion::{method} the robot is not awake: its legs are limp")
+
+    def _legs_hold(self) -> bool:
+        body = self._nao.body
+        return all(body.stiffness(joint) > 0 for joint in body.model.chains["Legs"])
 
     def _go(self, x: float, y: float, theta: float, speed: tuple[float, float], method: str
             ) -> None:  # fmt: skip
