@@ -65,8 +65,9 @@ def test_it_answers_an_image_topic_with_every_topic(node: Start, peer: Peer) -> 
     assert (depth.encoding, depth.header.frame_id) == ("32FC1", "lens")
     annotated = received.image_of(peer.heard["/doorway3ds/annotated/compressed"][-1][1])
     assert annotated.shape == (*SIZE[::-1], 3)
-    status = peer.heard["/diagnostics"][-1][1].status[0]
-    assert status.message == "deciding"
+    peer.until(
+        lambda: peer.heard["/diagnostics"][-1][1].status[0].message == "deciding", peer.image
+    )
 
 
 def test_compressed_images(node: Start, peer: Peer) -> None:
