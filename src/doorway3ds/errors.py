@@ -8,6 +8,13 @@ class UserError(Exception):
 
     Its message is one line: what was expected, what came, what to do. Commands print the
     message without a traceback and end with status 1.
+
+    >>> from doorway3ds import open_source
+    >>> try:
+    ...     open_source("missing.mp4")
+    ... except UserError as error:
+    ...     print(str(error).partition(";")[0])
+    missing.mp4 does not exist
     """
 
 

@@ -7,7 +7,8 @@ distances metres.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
@@ -25,7 +26,13 @@ RANGE_PER_DEPTH_ERROR = 1.8
 
 
 class Reason(StrEnum):
-    """Why the robot should turn, or why not. The first that holds is given."""
+    """Why the robot should turn, or why not: the first that holds.
+
+    >>> Reason("turn") is Reason.TURN
+    True
+    >>> print(Reason.BLOCKED)
+    blocked
+    """
 
     NO_DOOR = "no_door"  # no open doorway is seen
     BLOCKED = "blocked"  # a doorway is seen, and something stands in the way to it
@@ -37,13 +44,23 @@ class Reason(StrEnum):
 
 @dataclass(frozen=True)
 class Frame:
-    """One picture with the camera that took it.
+    """One image with the camera that took it.
 
-    image: (H, W, 3) uint8 RGB, H and W equal to the camera's.
-    stamp_s: time of exposure in seconds, any fixed origin.
+    >>> image = np.zeros((480, 640, 3), np.uint8)
+    >>> Frame(image, Camera.from_fov(640, 480, 60.9), Pose(height_m=0.5)).pose.height_m
+    0.5
+
+    Args:
+        image: (H, W, 3) uint8 RGB (`from_bgr` for OpenCV's), H and W equal to the camera's.
+        camera: intrinsics for this size.
+        pose: where the camera sits; default: level, of unknown height.
+        stamp_s: time of exposure in seconds, any fixed origin.
+
+    Raises:
+        ValueError: for an array of another shape or type, or a camera for another size.
     """
 
-    image: NDArray[np.uint8]
+    image: NDArray[np.uint8] = field(repr=False)
     camera: Camera
     pose: Pose = field(default_factory=Pose)
     stamp_s: float = 0.0
@@ -74,10 +91,10 @@ class ColumnVotes:
     has no opinion. It is weighed against what the depth shows, never taken alone for seen floor.
     """
 
-    score: FloatArray
-    left_px: FloatArray
-    right_px: FloatArray
-    clear: FloatArray | None = None
+    score: FloatArray = field(repr=False)
+    left_px: FloatArray = field(repr=False)
+    right_px: FloatArray = field(repr=False)
+    clear: FloatArray | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         shapes = {self.score.shape, self.left_px.shape, self.right_px.shape}
@@ -95,13 +112,16 @@ class RelativeDepth:
     shifted: the shift is unknown, too; else it is 0.
     """
 
-    inverse: NDArray[np.float32]
+    inverse: NDArray[np.float32] = field(repr=False)
     shifted: bool
 
 
 @dataclass(frozen=True)
 class Perception:
     """What the networks see, before any geometry.
+
+    >>> Perception(p_open=0.9, network="mine").depth_m is None
+    True
 
     p_open: calibrated probability that an open doorway is in the picture.
     columns: votes for openings, or None where the network gives none.
@@ -113,13 +133,13 @@ class Perception:
     """
 
     p_open: float
-    columns: ColumnVotes | None = None
-    depth_m: NDArray[np.float32] | None = None
-    floor: NDArray[np.float32] | None = None
+    columns: ColumnVotes | None = field(default=None, repr=False)
+    depth_m: NDArray[np.float32] | None = field(default=None, repr=False)
+    floor: NDArray[np.float32] | None = field(default=None, repr=False)
     depth_error: float = 0.0
-    relative: RelativeDepth | None = None
+    relative: RelativeDepth | None = field(default=None, repr=False)
     network: str = "truth"
-    timings_ms: Mapping[str, float] = field(default_factory=dict)
+    timings_ms: Mapping[str, float] = field(default_factory=dict, repr=False)
 
     def range_error_m(self, range_m: float | None) -> float | None:
         """Standard deviation of a doorway's distance from the true one, as it was measured for
@@ -132,6 +152,9 @@ class Perception:
 @dataclass(frozen=True)
 class Opening:
     """One candidate doorway as seen from the robot's turning axis.
+
+    >>> Opening(100.0, 200.0, 12.0, 2.0, 7.0, 2.5, score=0.8, cut=None).bearing_deg
+    7.0
 
     left_px, right_px: its columns at mid-height of the picture.
     range_m: horizontal distance to the middle of the threshold, None where unknown.
@@ -149,6 +172,7 @@ class Opening:
     cut: str | None
 
     def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
         keys = ("left_deg", "right_deg", "bearing_deg", "range_m", "score", "cut")
         return {key: getattr(self, key) for key in (*keys, "left_px", "right_px")}
 
@@ -179,17 +203,33 @@ class Selection:
 
 @dataclass(frozen=True)
 class Decision:
-    """The answer for one picture. `to_dict` is the JSON contract."""
+    """The answer for one image: printed it is one line, and `to_dict` is the JSON contract.
+
+    >>> line = {"method": "opening", "network": "doornet", "p_open": 0.02, "reason": "no_door"}
+    >>> decision = Decision.from_dict(line)
+    >>> print(decision)
+    no open door 0.02 · stay
+    >>> decision.turn_deg is None
+    True
+
+    reason: why to turn, or why not. turn_deg: by how much, + left; None unless `turn` or `aligned`.
+    p_open: calibrated probability of an open doorway; open: whether that is enough.
+    selection, perception, frame: what it follows from. timings_ms: of each stage.
+    """
 
     reason: Reason
     turn_deg: float | None
     p_open: float
     open: bool
-    selection: Selection
-    perception: Perception
-    frame: Frame
+    selection: Selection = field(repr=False)
+    perception: Perception = field(repr=False)
+    frame: Frame = field(repr=False)
     method: str
-    timings_ms: Mapping[str, float] = field(default_factory=dict)
+    timings_ms: Mapping[str, float] = field(default_factory=dict, repr=False)
+
+    def __str__(self) -> str:
+        """One line: "open door 0.94 · 12.4 deg left · 2.8 m · way free · turn left 12.4 deg"."""
+        return " · ".join(_told(self))
 
     @property
     def bearing_deg(self) -> float | None:
@@ -225,9 +265,91 @@ class Decision:
         }
         if self.method == "paper":
             evidence = found.evidence if door else {}
-            for key in ("max_pixel", "best_pixel", "trigger_pixel"):
+            for key in _PAPER_PIXELS:
                 pixel = evidence.get(key)
                 answer[key] = None if pixel is None else list(pixel)
-            for key in ("max_depth", "best_depth"):
+            for key in _PAPER_DEPTHS:
                 answer[key] = evidence.get(key)
         return answer
+
+    @classmethod
+    def from_dict(cls, answer: Mapping[str, Any]) -> Decision:
+        """The decision that `to_dict` wrote; its frame is one black pixel, for no image is kept.
+
+        Args:
+            answer: a line of `3ds look --json`, or a part of one with at least `reason`.
+
+        Returns:
+            A decision whose `to_dict` is `answer`, but for the image's name.
+
+        Raises:
+            ValueError: for a reason that does not exist, or an opening that is not whole.
+        """
+        camera = answer.get("camera") or {"name": "unknown", "assumed": True}
+        openings = answer.get("openings") or ()
+        try:
+            found = tuple(Opening(**opening) for opening in openings)
+        except TypeError as error:
+            raise ValueError(f"an opening of a decision is not whole: {error}") from error
+        pixel = answer.get("pixel")
+        row_column = None if pixel is None else (int(pixel[0]), int(pixel[1]))
+        evidence = {key: answer.get(key) for key in _PAPER_PIXELS + _PAPER_DEPTHS if key in answer}
+        p_open = float(answer.get("p_open", math.nan))
+        one = Camera(camera["name"], 1, 1, 1.0, 1.0, 0.0, 0.0, assumed=bool(camera["assumed"]))
+        return cls(
+            reason=Reason(answer["reason"]),
+            turn_deg=answer.get("turn_deg"),
+            p_open=p_open,
+            open=bool(answer.get("open", p_open >= 0.5)),
+            selection=Selection(
+                bearing_deg=answer.get("bearing_deg"),
+                range_m=answer.get("range_m"),
+                pixel=row_column,
+                clear=answer.get("clear"),
+                floor_from_m=answer.get("floor_from_m"),
+                openings=found,
+                look=answer.get("look"),
+                evidence=evidence,
+            ),
+            perception=Perception(p_open, network=str(answer.get("network", "unknown"))),
+            frame=Frame(np.zeros((1, 1, 3), np.uint8), one),
+            method=str(answer.get("method", "opening")),
+            timings_ms=dict(answer.get("timings_ms") or {}),
+        )
+
+
+_PAPER_PIXELS = ("max_pixel", "best_pixel", "trigger_pixel")
+_PAPER_DEPTHS = ("max_depth", "best_depth")
+
+
+def _told(decision: Decision) -> Iterator[str]:
+    """The parts of a decision in words."""
+    found, reason = decision.selection, decision.reason
+    yield f"{'open' if decision.open else 'no open'} door {decision.p_open:.2f}"
+    if reason is not Reason.NO_DOOR:
+        if found.bearing_deg is not None:
+            yield _turned(found.bearing_deg)
+        yield "distance unknown" if found.range_m is None else f"{found.range_m:.1f} m"
+        yield {True: "way free", False: "way blocked", None: "way not seen"}[found.clear]
+    if reason is Reason.TURN and decision.turn_deg is not None:
+        side = "left" if decision.turn_deg > 0 else "right"
+        yield f"turn {side} {abs(decision.turn_deg):.1f} deg"
+    elif reason is Reason.ALIGNED:
+        yield "facing it"
+    elif reason is Reason.UNSURE:
+        yield f"unsure: {found.unsure or 'no bearing'}"
+        yield f"look {found.look}" if found.look else "stay"
+    elif reason is Reason.LOST:
+        yield "lost"
+    else:
+        yield "stay"
+    camera = decision.frame.camera
+    if camera.assumed and camera.name != "unknown":
+        named = camera.name.startswith("assumed")
+        yield f"camera {camera.name if named else f'assumed ({camera.name})'}"
+
+
+def _turned(bearing_deg: float) -> str:
+    if abs(bearing_deg) < 0.05:
+        return "straight ahead"
+    return f"{abs(bearing_deg):.1f} deg {'left' if bearing_deg > 0 else 'right'}"

@@ -63,14 +63,14 @@ def test_json_has_the_contract_s_keys_and_writes_nothing(cli: Cli) -> None:
     assert found["camera"] == {"name": "assumed 60.9 deg", "assumed": True}
     assert list(found["timings_ms"]) == ["decode", "prepare", "network", "selection", "decision"]
     assert set(found["openings"][0]) == {
+        "left_px",
+        "right_px",
         "left_deg",
         "right_deg",
         "bearing_deg",
         "range_m",
         "score",
         "cut",
-        "left_px",
-        "right_px",
     }
     assert not Path("3ds-out").exists()
 

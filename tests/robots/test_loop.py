@@ -13,7 +13,7 @@ import pytest
 from doorway3ds.camera.model import Camera
 from doorway3ds.errors import UserError
 from doorway3ds.robots import Driver, DryRobot, Limits, RobotLost, TurnEnd, TurnResult
-from doorway3ds.robots.loop import Loop, LoopParams, Outcome
+from doorway3ds.robots.loop import LoopParams, Outcome, TurnLoop
 from doorway3ds.robots.runlog import RunLog, differences, looks, read_log
 from doorway3ds.types import Decision, Frame, Perception, Reason, Selection
 
@@ -89,9 +89,9 @@ def loop(
     log: RunLog | None = None,
     params: LoopParams | None = None,
     **limits: Any,
-) -> Loop:
+) -> TurnLoop:
     driver = Driver(world, move=move, limits=Limits(**limits), clock=lambda: world.now)
-    return Loop(
+    return TurnLoop(
         world,
         lambda frame, expected_deg: decide(frame),
         driver,
@@ -135,7 +135,7 @@ class Headed(World):
         return before
 
 
-def looking_down(world: Headed, clear: bool, log: RunLog | None = None) -> Loop:
+def looking_down(world: Headed, clear: bool, log: RunLog | None = None) -> TurnLoop:
     """A loop towards a door at 25 deg; looking down shows its way free, or not."""
 
     def decide(frame: Frame, expected_deg: float | None) -> Decision:
@@ -147,7 +147,7 @@ def looking_down(world: Headed, clear: bool, log: RunLog | None = None) -> Loop:
         return clear
 
     driver = Driver(world, move=True, clock=lambda: world.now)
-    return Loop(
+    return TurnLoop(
         world, decide, driver, check=check, log=log, clock=lambda: world.now, sleep=world.sleep
     )
 

@@ -23,7 +23,9 @@ def test_the_program_of_the_docs_looks_around_and_stops(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = (DOCS / "mounting.md").read_text(encoding="utf-8")
-    program = next(b for b in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "Loop(" in b)
+    program = next(
+        b for b in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "TurnLoop(" in b
+    )
     asked: list[float] = []
     stops: list[int] = []
     motors = SimpleNamespace(

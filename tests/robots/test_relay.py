@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from doorway3ds.robots import Driver, DryRobot
-from doorway3ds.robots.loop import Loop, Outcome
+from doorway3ds.robots.loop import Outcome, TurnLoop
 from doorway3ds.robots.relay import Relay
 from doorway3ds.sources import SourceLost
 from doorway3ds.types import Decision
@@ -60,9 +60,9 @@ def test_a_watcher_that_lost_its_camera_ends_the_loop_as_lost_and_a_bug_stops_th
 
     robot, relay = Robot(), Relay()
     relay.end(SourceLost("the camera is gone"))
-    report = Loop(relay, relay.decide, Driver(robot, move=True)).run()
+    report = TurnLoop(relay, relay.decide, Driver(robot, move=True)).run()
     assert report.outcome is Outcome.LOST and robot.stops == 1
     relay.end(ZeroDivisionError("a bug"))
     with pytest.raises(ZeroDivisionError):
-        Loop(relay, relay.decide, Driver(robot, move=True)).run()
+        TurnLoop(relay, relay.decide, Driver(robot, move=True)).run()
     assert robot.stops == 2

@@ -24,10 +24,22 @@ class LensWarning(UserWarning):
 def read_camera_info(path: str | Path) -> Camera:
     """Reads a ROS `camera_info` YAML; rectification and projection matrices are not needed.
 
-    Warns (LensWarning) if the distortion cannot be undone in some of the image.
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp(), "front.yaml")
+    >>> write_camera_info(Camera.from_fov(640, 480, 70, name="front"), path)
+    >>> read_camera_info(path).name
+    'front'
 
-    Raises UserError if the file is missing, damaged, of another distortion model, or of a lens that
-    cannot be undone in over a quarter of the image.
+    Args:
+        path: as ROS's camera_calibration or `3ds calibrate` writes it.
+
+    Returns:
+        The camera, for the image size in the file. Warns (LensWarning) if the distortion cannot be
+        undone in some of the image.
+
+    Raises:
+        UserError: if the file is missing, damaged, of another distortion model, or of a lens that
+            cannot be undone in over a quarter of the image.
     """
     import yaml
 

@@ -25,6 +25,10 @@ Array = NDArray[np.float64]
 class Camera:
     """Intrinsics and lens distortion of a camera, for one image size.
 
+    >>> camera = Camera.from_fov(640, 480, hfov_deg=60.9)
+    >>> round(camera.fx, 1), camera.scaled_to(320, 240).width
+    (544.3, 320)
+
     fx, fy, cx, cy: pixels. distortion: as many coefficients as `lens.MODELS` says of
     `distortion_model`, in OpenCV's order; the last of plumb_bob may be left out.
     assumed: nobody gave this camera; it was guessed from EXIF or a default.
@@ -189,6 +193,9 @@ class Camera:
 @dataclass(frozen=True)
 class Pose:
     """Where the camera sits on the robot.
+
+    >>> Pose(height_m=0.9, pitch_deg=-4).pitch_deg  # 4 degrees down
+    -4
 
     height_m: of the lens above the floor, None = unknown (hand-held).
     pitch_deg: + up. yaw_deg: + left. roll_deg: + right side down.

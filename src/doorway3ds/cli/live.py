@@ -165,7 +165,7 @@ def _drive(
 
     Signals reach the main thread, and so the loop, which stops the robot before anything else.
     """
-    from doorway3ds.robots.loop import Loop
+    from doorway3ds.robots.loop import TurnLoop
     from doorway3ds.robots.relay import Relay
     from doorway3ds.sources import SourceLost
 
@@ -189,7 +189,7 @@ def _drive(
     thread = threading.Thread(target=watching, name="watch", daemon=True)
     thread.start()
     try:
-        report = Loop(
+        report = TurnLoop(
             relay, relay.decide, driver, params, check=looks_down, log=log, tell=tell
         ).run()
     finally:

@@ -216,7 +216,7 @@ def _json(name: str, decision: Decision) -> str:
 
 
 def _words(name: str, decision: Decision) -> str:
-    return f"{name}: {describe(decision)}"
+    return f"{name}: {decision}"
 
 
 def _row(name: str, decision: Decision) -> str:
@@ -236,40 +236,6 @@ def _csv_line(values: Sequence[Any]) -> str:
     line = io.StringIO()
     csv.writer(line, lineterminator="").writerow(values)
     return line.getvalue()
-
-
-def describe(decision: Decision) -> str:
-    """A decision in one line: "open door 0.94 · 12.4 deg left · 2.8 m · way free · turn ..."."""
-    from doorway3ds.types import Reason
-
-    found = decision.selection
-    parts = [f"{'open door' if decision.open else 'no open door'} {decision.p_open:.2f}"]
-    if decision.reason is not Reason.NO_DOOR:
-        if found.bearing_deg is not None:
-            parts.append(_turned(found.bearing_deg))
-        parts.append("distance unknown" if found.range_m is None else f"{found.range_m:.1f} m")
-        parts.append({True: "way free", False: "way blocked", None: "way not seen"}[found.clear])
-    if decision.reason is Reason.TURN and decision.turn_deg is not None:
-        side = "left" if decision.turn_deg > 0 else "right"
-        parts.append(f"turn {side} {abs(decision.turn_deg):.1f} deg")
-    elif decision.reason is Reason.ALIGNED:
-        parts.append("facing it")
-    elif decision.reason is Reason.UNSURE:
-        parts.append(f"unsure: {found.unsure or 'no bearing'}")
-        parts.append(f"look {found.look}" if found.look else "stay")
-    else:
-        parts.append("stay")
-    camera = decision.frame.camera
-    if camera.assumed:
-        name = camera.name
-        parts.append(f"camera {name if name.startswith('assumed') else f'assumed ({name})'}")
-    return " · ".join(parts)
-
-
-def _turned(bearing_deg: float) -> str:
-    if abs(bearing_deg) < 0.05:
-        return "straight ahead"
-    return f"{abs(bearing_deg):.1f} deg {'left' if bearing_deg > 0 else 'right'}"
 
 
 def _make_folder(folder: Path) -> None:

@@ -66,7 +66,7 @@ def run(
     Example: 3ds run 'sim://home?seed=7' --robot sim --move
     """
     from doorway3ds.draw.words import counted
-    from doorway3ds.robots.loop import Loop, LoopParams
+    from doorway3ds.robots.loop import LoopParams, TurnLoop
 
     require_robot(robot)
     with ExitStack() as stack:
@@ -85,7 +85,7 @@ def run(
                 viewer.add(decision)
             return decision
 
-        report = Loop(found, judge, driver, params, check=check, log=record, tell=_tell).run()
+        report = TurnLoop(found, judge, driver, params, check=check, log=record, tell=_tell).run()
         if say and motion.move:
             with contextlib.suppress(UserError):
                 driver.robot.say(_SAID.get(report.outcome, "I stopped."))

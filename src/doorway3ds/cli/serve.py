@@ -99,7 +99,7 @@ def _source(
     """The name of the page's source and how to open it; wrong ones are found here."""
     if uri is None:
         return None
-    from doorway3ds.sources.uri import without_password
+    from doorway3ds.sources.address import without_password
 
     source = open_eyes(uri, camera, pace=True, loop=loop)
     return without_password(uri), lambda: source

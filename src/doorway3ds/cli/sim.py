@@ -116,7 +116,7 @@ def nao(
     from doorway3ds.cli.shared.signals import ended_by_sigterm
     from doorway3ds.lab.sim.robot.model import MODELS
     from doorway3ds.lab.sim.robot.nao import VirtualNao
-    from doorway3ds.lab.sim.trials.scenarios import SCENES
+    from doorway3ds.lab.sim.stages.scenarios import SCENES
 
     if not re.fullmatch(r"tcp://[^:/]+:\d{1,5}", listen):
         raise CallError(f"--listen must look like tcp://127.0.0.1:9559, got '{listen}'")
@@ -175,7 +175,7 @@ def trial(
     from rich.progress import Progress
 
     from doorway3ds.files import write_bytes
-    from doorway3ds.lab.sim.trials.scenarios import SCENES
+    from doorway3ds.lab.sim.stages.scenarios import SCENES
     from doorway3ds.lab.sim.trials.trials import METHODS, plot, run_trials, table
 
     names = list(SCENES) if scenes is None else scenes.split(",")

@@ -1,16 +1,17 @@
-"""From a picture to a decision: one network, one method, the gates."""
+"""From an image to a decision: one network, one method, the gates."""
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Camera, Pose
+from doorway3ds.decide.each import Each
 from doorway3ds.decide.follow import follow
 from doorway3ds.decide.gates import Gates, decide
 from doorway3ds.decide.opening import OpeningParams, select_opening, way_below
@@ -34,15 +35,26 @@ NEEDS: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Pipeline:
-    """Puts one of each together; call it with a picture.
+    """One network, one method and the gates; called with an image it returns a `Decision`.
 
-    >>> decide = Pipeline.default()  # doctest: +SKIP
-    >>> decide("photo.jpg").turn_deg  # doctest: +SKIP
-    12.4
+    >>> decide = Pipeline.default()
+    >>> decision = decide("examples/doorway.jpg")
+    >>> decision.open
+    True
 
-    params: limits of the `opening` method; default: those the network was measured with.
-    preset: an operating point by its name in the network's file ("cautious", "balanced", "eager"
-        in the packaged one) instead: limits, and p_open from which on a doorway is open.
+    It holds no state between calls, so several threads may call one pipeline at once; under asyncio
+    await `asyncio.to_thread(decide, image)`.
+
+    Args:
+        network: what looks at the image (`load_network`).
+        method: "opening" or "paper".
+        params: limits of the `opening` method; default: those the network was measured with.
+        gates: limits of the decision.
+        preset: an operating point by its name in the network's file ("cautious", "balanced",
+            "eager" in the packaged one) instead: limits, and p_open from which a doorway is open.
+
+    Raises:
+        UserError: if the network does not give what the method needs.
     """
 
     network: Network
@@ -89,14 +101,20 @@ class Pipeline:
         camera: Camera | None = None,
         pose: Pose | None = None,
     ) -> Decision:
-        """The decision for one picture.
+        """The decision for one image.
 
-        image: a Frame, (H, W, 3) uint8 RGB, or a picture file as a path or its bytes.
-        camera: scaled to the picture's size; default: the EXIF focal length of a file, else
-            60.9 deg over the longer side, marked as assumed.
-        pose: default: level, of unknown height.
+        Args:
+            image: a Frame, an array (H, W, 3) uint8 RGB (`from_bgr` for OpenCV's), or an image file
+                as a path or its bytes.
+            camera: scaled to the image's size; default: the EXIF focal length of a file, else
+                60.9 deg over the longer side, marked as assumed.
+            pose: where the camera sits; default: level, of unknown height.
 
-        Raises UserError where the picture cannot be read, or the camera has another aspect.
+        Returns:
+            The decision, with the time of each stage in milliseconds.
+
+        Raises:
+            UserError: if the image cannot be read, or the camera has another aspect.
         """
         if isinstance(image, Frame):
             return self.decide(image)
@@ -109,6 +127,34 @@ class Pipeline:
             timings["decode"] = (time.perf_counter() - start) * 1e3
         decision = self.decide(View(camera, pose).of_picture(picture))
         return replace(decision, timings_ms={**timings, **decision.timings_ms})
+
+    def each(
+        self,
+        images: Iterable[Frame | NDArray[np.uint8] | str | os.PathLike[str] | bytes],
+        camera: Camera | None = None,
+        pose: Pose | None = None,
+        *,
+        workers: int = 2,
+    ) -> Iterator[Decision]:
+        """The decisions for many images, in their order, by a few threads.
+
+        >>> decide = Pipeline.default()
+        >>> images = ["examples/doorway.jpg", "examples/no-doorway.jpg"]
+        >>> [decision.open for decision in decide.each(images)]
+        [True, False]
+
+        Args:
+            images: as a call takes them; taken a little ahead of the answers, however many.
+            camera, pose: of all of them, as in a call.
+            workers: images at work at a time.
+
+        Returns:
+            An iterator of decisions.
+
+        Raises:
+            UserError: in its turn, for an image that cannot be read; the iteration can go on.
+        """
+        return Each(lambda image: self(image, camera, pose), images, workers)
 
     def decide(self, frame: Frame, expected_deg: float | None = None) -> Decision:
         """The decision for one frame, with what each stage took in milliseconds.

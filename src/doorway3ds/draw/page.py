@@ -31,9 +31,18 @@ _EXTREME = (0.2, 8.0)  # aspects beyond are drawn squeezed to these
 
 
 def overlay(decision: Decision, faint: bool = False) -> Image:
-    """The photograph at its own size with all marks and the answer in words, for live use.
+    """Draws a decision into its photograph, at the photograph's size, for live use.
 
-    faint: candidates of low score, too.
+    >>> from doorway3ds import Pipeline
+    >>> overlay(Pipeline.default()("examples/doorway.jpg")).shape
+    (480, 640, 3)
+
+    Args:
+        decision: with its frame.
+        faint: draw candidates of low score, too.
+
+    Returns:
+        A new image (H, W, 3) uint8 RGB with all marks and the answer in words.
     """
     decision = decision if faint else without_faint(decision)
     image = np.ascontiguousarray(decision.frame.image).copy()
@@ -71,12 +80,25 @@ def _answer(view: View, decision: Decision) -> None:
 
 
 def annotate(decision: Decision, width: int = DESIGN_WIDTH, faint: bool = False) -> Image:
-    """A page about one decision, (H, width, 3) uint8 RGB; H follows the picture's aspect.
+    """Draws a page about one decision.
 
     It holds the answer and its reason in words, the photograph with every mark, the angle
     dial, the depth map with its scale and the facts behind the answer.
 
-    faint: candidates of low score, too.
+    >>> from doorway3ds import Pipeline
+    >>> annotate(Pipeline.default()("examples/doorway.jpg"), width=800).shape[1:]
+    (800, 3)
+
+    Args:
+        decision: with its frame.
+        width: of the page in pixels.
+        faint: draw candidates of low score, too.
+
+    Returns:
+        (H, width, 3) uint8 RGB; H follows the photograph's aspect.
+
+    Raises:
+        ValueError: for a width too small to read.
     """
     if width < _SMALLEST_WIDTH:
         raise ValueError(

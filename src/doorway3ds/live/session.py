@@ -196,9 +196,9 @@ def watch(
 ) -> Session:
     """Decides on every frame of a source, with memory between frames.
 
-    >>> with watch("webcam://0") as updates:  # doctest: +SKIP
-    ...     for update in updates:
-    ...         print(update.decision)
+    >>> with watch("examples/*door*.jpg", fps=2) as updates:
+    ...     [update.number for update in updates]
+    [1, 2]
 
     Args:
         source: an open source, which stays the caller's, or the URI of one (`open_source`).

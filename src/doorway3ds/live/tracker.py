@@ -69,8 +69,13 @@ class Tracked:
 class Tracker:
     """Give it every decision, in the order of their frames' stamps.
 
+    >>> from doorway3ds import Decision
     >>> tracker = Tracker()
-    >>> tracked = tracker.update(decision)  # doctest: +SKIP
+    >>> decision = Decision.from_dict({"reason": "no_door", "p_open": 0.03})
+    >>> tracker.update(decision).decision.reason
+    <Reason.NO_DOOR: 'no_door'>
+
+    It is for one camera and one thread.
     """
 
     def __init__(self, params: TrackerParams | None = None) -> None:

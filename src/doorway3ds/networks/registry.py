@@ -217,13 +217,23 @@ def install(
 
 
 def load(name: str, *, threads: int | None = None, needs: Iterable[str] = ()) -> Network:
-    """The network or networks of `NAME[+NAME]`; each NAME from the registry or an .onnx path.
+    """Opens a network, or several as one.
 
-    needs: what the caller requires of them together ("p_open", "columns", "depth", "floor");
-        relative depth is depth only with a floor.
+    >>> sorted(load("doornet").gives)
+    ['columns', 'depth', 'floor', 'p_open']
 
-    Raises CallError for an unknown name or where something needed is not given; UserError where
-    a file is missing (saying how to get it), damaged or of another signature.
+    Args:
+        name: NAME[+NAME], each from `3ds models` or the path of an .onnx file.
+        threads: CPU threads; default: the physical cores.
+        needs: what the caller requires of them together ("p_open", "columns", "depth", "floor");
+            relative depth is depth only with a floor.
+
+    Returns:
+        What a `Pipeline` takes as its network.
+
+    Raises:
+        CallError: for an unknown name, or if something needed is not given.
+        UserError: if a file is missing (with how to get it), damaged or of another signature.
     """
     parts = [_load_one(part, threads) for part in name.split("+")]
     network = parts[0] if len(parts) == 1 else Joined(parts)

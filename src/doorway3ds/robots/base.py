@@ -87,7 +87,16 @@ class Limits:
 
 
 class Robot(Protocol):
-    """A robot that turns on the spot. Methods raise RobotError or RobotLost, nothing else."""
+    """A robot that turns on the spot: the protocol that your own robot follows.
+
+    Methods raise RobotError or RobotLost, nothing else.
+
+    >>> class Mine(DryRobot):
+    ...     name = "mine"
+    >>> robot: Robot = Mine()
+    >>> robot.turn(20.0, timeout_s=5.0).turned_deg
+    0.0
+    """
 
     @property
     def name(self) -> str: ...
@@ -150,7 +159,15 @@ class DryRobot:
 class Driver:
     """The gate to a robot's motion.
 
-    move: without it nothing moves, whatever is asked. clock: the clock of the frames' stamps.
+    >>> driver = Driver(DryRobot())
+    >>> driver.turn(20.0, stamp_s=time.monotonic()).end
+    <TurnEnd.DRY: 'dry'>
+
+    Args:
+        robot: that turns.
+        move: without it nothing moves, whatever is asked.
+        limits: of one turn and of the run.
+        clock: the clock of the frames' stamps.
     """
 
     def __init__(

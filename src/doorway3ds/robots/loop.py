@@ -111,9 +111,17 @@ class _Action:
         return f"{self.kind}{turn}" if self.outcome is None else str(self.outcome)
 
 
-class Loop:
-    """One run. tell: is called with one line about each look and turn.
+class TurnLoop:
+    """The closed loop: look, decide, turn, look again, until the robot faces the doorway.
 
+    >>> from doorway3ds import Driver, Pipeline, open_source
+    >>> from doorway3ds.robots import DryRobot
+    >>> with open_source("examples/no-doorway.jpg") as source:
+    ...     report = TurnLoop(source, Pipeline.default().decide, Driver(DryRobot())).run()
+    >>> report.outcome, report.why
+    (<Outcome.DRY: 'dry'>, 'it would search +40.0 deg')
+
+    tell: is called with one line about each look and turn.
     decide: the decision for a frame, given the bearing at which the doorway that was turned to last
     should be, None without one. check: whether the way to a decided doorway is free in a frame that
     looks down along it; without it no head is lowered. clock, sleep: the frames' clock, and how to

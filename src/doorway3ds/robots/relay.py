@@ -10,7 +10,7 @@ from doorway3ds.types import Decision, Frame, Perception
 
 
 class Relay:
-    """Source and judgement of a `Loop`, while another thread watches the same camera.
+    """Source and judgement of a `TurnLoop`, while another thread watches the same camera.
 
     The watcher offers every decision; the loop gets the newest, whenever it looks.
     stay: the decision about the doorway expected at a bearing; the pipeline's own `stay`.

@@ -16,9 +16,9 @@ from doorway3ds.errors import CallError, UserError
 from doorway3ds.ros.bagfile import BagFile
 from doorway3ds.ros.received import Calibration, image_of, stamp_of
 from doorway3ds.ros.transforms import Transforms
+from doorway3ds.sources.address import query
 from doorway3ds.sources.base import Source, View
 from doorway3ds.sources.clock import Clock
-from doorway3ds.sources.uri import query
 from doorway3ds.types import Frame
 
 _IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")

@@ -10,9 +10,9 @@ from typing import Any, Protocol
 import cv2
 
 from doorway3ds.errors import CallError, UserError
+from doorway3ds.sources.address import query
 from doorway3ds.sources.base import Capture, Shot
 from doorway3ds.sources.reader import pixel_aspect, rgb, square
-from doorway3ds.sources.uri import query
 
 _TIMEOUT_MS = 5000
 _STALL_S = 4.5

@@ -11,9 +11,9 @@ from requests.auth import HTTPDigestAuth
 from urllib3.exceptions import HTTPError, ReadTimeoutError
 
 from doorway3ds.errors import CallError, UserError
+from doorway3ds.sources.address import without_password
 from doorway3ds.sources.base import Capture, Shot
 from doorway3ds.sources.splitter import Splitter
-from doorway3ds.sources.uri import without_password
 
 _TIMEOUT_S = 5.0
 _CHUNK = 1 << 16

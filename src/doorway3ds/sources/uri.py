@@ -8,10 +8,11 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
-from urllib.parse import SplitResult, parse_qsl, urlsplit, urlunsplit
+from urllib.parse import urlsplit
 
 from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.errors import CallError, UserError
+from doorway3ds.sources.address import without_password
 from doorway3ds.sources.base import CameraFor, PoseOf, Source, View
 
 # Sources in modules of their own, each with open_uri(uri, view, **options) -> Source.
@@ -34,16 +35,27 @@ def open_source(
     pose: Pose | PoseOf | None = None,
     **options: Any,
 ) -> Source:
-    """The source that `uri` names; a context manager and iterator of frames.
+    """Opens what a URI names: an image, a folder, a video, a webcam, a stream, a bag, a robot.
 
-    camera, pose: outrank what the source knows of itself.
-    options: pace (videos and folders come in their own time, as if live; default False: as fast
-        as they are read), loop (begin again at the end), fps (of a folder or standard input),
-        patience_s (live: how long without a picture until SourceLost, None: for ever);
-        what a source has no use for is passed over.
+    >>> with open_source("examples/doorway.jpg") as source:
+    ...     frame = next(source)
+    >>> frame.image.shape, frame.camera.assumed
+    ((480, 640, 3), True)
 
-    Raises CallError for a URI that names no source, UserError (SourceLost for live ones) where it
-    cannot be opened.
+    Args:
+        uri: as `3ds live` takes it, such as "webcam://0" or "walk.mp4".
+        camera, pose: outrank what the source knows of itself; functions may keep some of it.
+        options: pace (videos and folders come in their own time, as if live; default False: as fast
+            as they are read), loop (start again at the end), fps (of a folder or standard input),
+            patience_s (live: how long without an image until SourceLost, None: for ever);
+            what a source has no use for is passed over.
+
+    Returns:
+        A context manager and iterator of `Frame`.
+
+    Raises:
+        CallError: for a URI that names no source.
+        UserError: if it cannot be opened (SourceLost for live ones).
     """
     view = View(camera, pose)
     if uri == "-":
@@ -109,35 +121,6 @@ def _by_path(name: str, view: View, options: dict[str, Any]) -> Source:
             raise UserError(f"{name} matches no file; expected {EXPECTED}")
         return Stills(name, [found for found in paths if found.is_file()], view, **still)
     raise UserError(f"{name} does not exist; expected {EXPECTED}")
-
-
-def without_password(uri: str) -> str:
-    """The URI as it may be shown: a password in it becomes ***."""
-    try:
-        parts = urlsplit(uri)
-    except ValueError as error:
-        shown = re.sub(r"//[^/]*@", "//***@", uri)
-        raise CallError(f"{shown} is no address: {error}") from error
-    if parts.password is None:
-        return uri
-    user, _, host = parts.netloc.rpartition("@")
-    shown = f"{user.partition(':')[0]}:***@{host}"
-    return urlunsplit((parts.scheme, shown, parts.path, parts.query, parts.fragment))
-
-
-def query(uri: str, kinds: dict[str, type]) -> tuple[SplitResult, dict[str, Any]]:
-    """The URI's parts, and its ?name=value options converted; CallError for any other."""
-    parts = urlsplit(uri)
-    found: dict[str, Any] = {}
-    for key, value in parse_qsl(parts.query, keep_blank_values=True):
-        if key not in kinds:
-            raise CallError(f"{uri}: no option {key!r}; expected {', '.join(kinds) or 'none'}")
-        try:
-            found[key] = kinds[key](value)
-        except ValueError as error:
-            wanted = {int: "a whole number", float: "a number"}.get(kinds[key], "another value")
-            raise CallError(f"{uri}: {key} must be {wanted}, got {value!r}") from error
-    return parts, found
 
 
 def _only(options: dict[str, Any], *names: str) -> dict[str, Any]:

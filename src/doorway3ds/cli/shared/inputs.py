@@ -27,7 +27,7 @@ class Input:
     @property
     def shown(self) -> str:
         """The name as it may be printed, without an address's password."""
-        from doorway3ds.sources.uri import without_password
+        from doorway3ds.sources.address import without_password
 
         return without_password(self.name) if is_address(self.name) else self.name
 
@@ -56,7 +56,7 @@ def fetch(address: str) -> bytes:
     import requests
 
     from doorway3ds.images.codec import MAX_BYTES
-    from doorway3ds.sources.uri import without_password
+    from doorway3ds.sources.address import without_password
 
     shown = without_password(address)
     try:

@@ -17,9 +17,9 @@ from doorway3ds.errors import CallError, UserError
 from doorway3ds.robots.base import RobotError
 from doorway3ds.robots.nao import format as naoformat
 from doorway3ds.robots.nao.session import Naoqi, address
+from doorway3ds.sources.address import query
 from doorway3ds.sources.base import Shot, Source, View
 from doorway3ds.sources.live import LiveSource
-from doorway3ds.sources.uri import query
 
 CAMERAS = {"top": (0, "CameraTop"), "bottom": (1, "CameraBottom")}
 PATIENCE_S = 1.0

@@ -2,31 +2,14 @@
 
 from __future__ import annotations
 
-from typing import cast
-
-from fastapi import Request
-
 from doorway3ds.images.codec import MAX_PIXELS
 from doorway3ds.web.base.app import assemble
 from doorway3ds.web.base.settings import Limits, ServerSettings
 from doorway3ds.web.base.shield import Shield
-from doorway3ds.web.base.state import ServerState, server_state
+from doorway3ds.web.label import routes
 from doorway3ds.web.label.pictures import Pictures
+from doorway3ds.web.label.state import LabelState
 from doorway3ds.web.label.table import Table
-
-
-class LabelState(ServerState):
-    """What the routes of marking share."""
-
-    def __init__(self, settings: ServerSettings, pictures: Pictures, table: Table) -> None:
-        super().__init__(settings, "label.html")
-        self.pictures = pictures
-        self.table = table
-
-
-def label_state(request: Request) -> LabelState:
-    """What the server of a request shares between its routes."""
-    return cast(LabelState, server_state(request))
 
 
 def label_settings(token: str | None, link: str | None) -> ServerSettings:
@@ -37,8 +20,6 @@ def label_settings(token: str | None, link: str | None) -> ServerSettings:
 
 def create_label_app(settings: ServerSettings, pictures: Pictures, table: Table) -> Shield:
     """The whole application, for any ASGI server."""
-    from doorway3ds.web.label import routes
-
     return assemble(
         LabelState(settings, pictures, table),
         routes.router,

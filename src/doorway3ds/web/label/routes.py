@@ -13,9 +13,9 @@ from doorway3ds.errors import UserError
 from doorway3ds.web.base.errors import ApiError
 from doorway3ds.web.base.routes import json_answer
 from doorway3ds.web.base.schemas import errors
-from doorway3ds.web.label.app import LabelState, label_state
 from doorway3ds.web.label.marks import MAX_OPENINGS, MarkedOpening, Marks
 from doorway3ds.web.label.pictures import Prepared
+from doorway3ds.web.label.state import LabelState, label_state
 from doorway3ds.web.label.table import MarkedMeanwhile
 
 router = APIRouter()

@@ -137,7 +137,7 @@ def test_with_true_perception_it_goes_to_no_hazard(studio: Any, scene: str, ends
 def test_a_grazing_way_may_be_taken_or_left(
     outcome: str, off: float | None, went: bool, right: bool
 ) -> None:
-    from doorway3ds.lab.sim.trials.scenarios import Stage
+    from doorway3ds.lab.sim.stages.scenarios import Stage
     from doorway3ds.lab.sim.trials.trial import _succeeded
     from doorway3ds.robots.loop import Outcome
 

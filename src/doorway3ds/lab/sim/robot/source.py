@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Camera
 from doorway3ds.errors import CallError, UserError
+from doorway3ds.sources.address import query
 from doorway3ds.sources.base import Source, View
-from doorway3ds.sources.uri import query
 from doorway3ds.types import Frame, Perception
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ SIZES = {"qvga": (320, 240), "vga": (640, 480)}
 def open_uri(uri: str, view: View, **options: Any) -> Source:
     """The source of a sim:// URI; see `doorway3ds.sources.open_source`."""
     from doorway3ds.lab.sim.robot.world import Studio, World
-    from doorway3ds.lab.sim.trials.scenarios import SCENES
+    from doorway3ds.lab.sim.stages.scenarios import SCENES
 
     parts, given = query(uri, {"seed": int, "scenario": str, "robot": str, "resolution": str})
     if parts.netloc != "home" or parts.path not in ("", "/"):

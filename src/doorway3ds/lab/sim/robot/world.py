@@ -21,7 +21,7 @@ from doorway3ds.lab.sim.render.scene import build
 from doorway3ds.lab.sim.robot.body import Body, Clock, Gait
 from doorway3ds.lab.sim.robot.ground import Ground
 from doorway3ds.lab.sim.robot.model import MODELS
-from doorway3ds.lab.sim.trials.scenarios import Stage, find
+from doorway3ds.lab.sim.stages.scenarios import Stage, find
 from doorway3ds.robots.base import RobotPose, TurnEnd, TurnResult
 from doorway3ds.robots.nao.format import FRAME_ROBOT, pose_of
 

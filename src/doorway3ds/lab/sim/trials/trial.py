@@ -21,10 +21,10 @@ from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.lab.sim.pictures.truth import Truth
 from doorway3ds.lab.sim.robot.body import FastClock
 from doorway3ds.lab.sim.robot.world import SimRobot, Studio, World
-from doorway3ds.lab.sim.trials.scenarios import Stage
+from doorway3ds.lab.sim.stages.scenarios import Stage
 from doorway3ds.networks.base import Network
 from doorway3ds.robots.base import Driver, TurnResult
-from doorway3ds.robots.loop import Loop, LoopParams, Outcome
+from doorway3ds.robots.loop import LoopParams, Outcome, TurnLoop
 from doorway3ds.types import Decision, Frame, Perception
 
 Method = Literal["opening", "paper"]
@@ -147,7 +147,7 @@ def play(
             goes.append(len(robot.away))
 
     driver = Driver(robot, move=True, clock=clock.now)
-    report = Loop(
+    report = TurnLoop(
         eyes, look, driver, params, check=check if method == "opening" else None,
         tell=note, clock=clock.now, sleep=clock.sleep,
     ).run()  # fmt: skip

@@ -16,7 +16,7 @@ import numpy as np
 from doorway3ds.errors import UserError
 from doorway3ds.files import write_bytes
 from doorway3ds.lab.evaluate.intervals import Interval, paired_difference, wilson
-from doorway3ds.lab.sim.trials.scenarios import SCENES
+from doorway3ds.lab.sim.stages.scenarios import SCENES
 from doorway3ds.lab.sim.trials.trial import Episode, Method, play
 from doorway3ds.networks.base import Network
 

@@ -23,7 +23,7 @@ from doorway3ds.lab.sim.homes.plan import Plan
 from doorway3ds.lab.sim.pictures.truth import Footprint, OpeningTruth, Truth
 from doorway3ds.lab.sim.pictures.way import SPARE_M, Way, way_to
 from doorway3ds.lab.sim.render.renderer import Eye
-from doorway3ds.lab.sim.trials import dangers
+from doorway3ds.lab.sim.stages import dangers
 
 Rng = np.random.Generator
 Point = NDArray[np.float64]
