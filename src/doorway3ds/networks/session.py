@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,15 @@ from doorway3ds.errors import UserError
 
 PROVIDERS = ("CUDAExecutionProvider", "CoreMLExecutionProvider", "CPUExecutionProvider")
 MAX_THREADS = 8  # these networks are small: more threads wait for each other
+
+_NEWER = "; update onnxruntime, or export the file for an older one"
+# What to do about what ONNX Runtime says; only the first accuses the file itself.
+_HINTS = (
+    ("Protobuf parsing failed|No graph was found", "; it is damaged or no ONNX file"),
+    ("IR version|opset", _NEWER),
+    ("not a registered|No Op registered", "; it has operators that this ONNX Runtime lacks"),
+    ("External data|external", "; put its data file beside it"),
+)
 
 Shape = tuple[int | None, ...]
 """Sizes by axis; None: the file must leave this size open."""
@@ -178,8 +188,10 @@ def _open(
         )
     # ONNX Runtime's exceptions share no base class of their own.
     except Exception as error:
+        said = _brief(error)
+        hint = next((h for sign, h in _HINTS if re.search(sign, said)), "")
         raise UserError(
-            f"network file {path} cannot be opened: {_brief(error)}; it is damaged or no ONNX file"
+            f"network file {path} cannot be opened by ONNX Runtime {ort.__version__}: {said}{hint}"
         ) from error
 
 
@@ -201,6 +213,9 @@ def _names(names: Sequence[str] | Mapping[str, Any]) -> str:
 
 
 def _brief(error: Exception) -> str:
-    """The first line of an ONNX Runtime message, without its code and file positions."""
-    line = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-    return line.removeprefix("[ONNXRuntimeError] : ")[:160]
+    """All that ONNX Runtime says, in one line without its code and its own source's positions."""
+    line = " ".join(str(error).split()) or type(error).__name__
+    line = re.sub(r"^\[ONNXRuntimeError\] : \d+ : \w+ : ", "", line)
+    line = re.sub(r"^Load model from .*? failed: ?", "", line)
+    line = re.sub(r"^/\S+\.(?:cc|h):\d+ .*?\) (?=[A-Z])", "", line)
+    return line.rstrip(".")

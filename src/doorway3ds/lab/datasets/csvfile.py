@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
+import io
 import math
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -13,39 +16,54 @@ Row = dict[str, str]
 
 
 def csv_rows(path: Path, columns: Sequence[str]) -> list[tuple[str, Row]]:
-    """("file line N", row) pairs. Raises UserError on a file without these columns."""
+    """("file line N", row) pairs of a file with commas, semicolons or tabs between its fields.
+
+    Raises UserError on a file without these columns.
+    """
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.DictReader(file, strict=True)
-            missing = [c for c in columns if c not in (reader.fieldnames or [])]
-            if missing:
-                raise UserError(
-                    f"{path} lacks the column {missing[0]}; expected {', '.join(columns)}"
-                )
-            rows = []
-            for row in reader:
-                where = f"{path} line {reader.line_num}"
-                if None in row or None in row.values():
-                    raise UserError(f"{where}: expected {len(reader.fieldnames or [])} fields")
-                if not row["image"]:
-                    raise UserError(f"{where}: names no picture")
-                rows.append((where, {k: v.strip() for k, v in row.items()}))
-    except OSError as error:
-        raise UserError(f"cannot read {path}: {error.strerror}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise UserError(f"{path} is no CSV file in UTF-8: {error}") from error
+        text, delimiter = _read(path)
+        reader = csv.DictReader(io.StringIO(text, newline=""), strict=True, delimiter=delimiter)
+        missing = [c for c in columns if c not in (reader.fieldnames or [])]
+        if missing:
+            raise UserError(f"{path} lacks the column {missing[0]}; expected {', '.join(columns)}")
+        rows = []
+        for row in reader:
+            where = f"{path} line {reader.line_num}"
+            if None in row or None in row.values():
+                raise UserError(f"{where}: expected {len(reader.fieldnames or [])} fields")
+            if not row["image"]:
+                raise UserError(f"{where}: names no picture")
+            rows.append((where, {k: v.strip() for k, v in row.items()}))
+    except csv.Error as error:
+        raise UserError(f"{path} is no CSV file: {error}") from error
     return rows
 
 
 def csv_columns(path: Path) -> list[str]:
-    """The names in a CSV file's first line, whatever its encoding; none where it is empty."""
+    """The names in a CSV file's first line; none if it is empty. Raises UserError."""
     try:
-        with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-            return next(csv.reader(file), [])
+        text, delimiter = _read(path)
+        return next(csv.reader(io.StringIO(text, newline=""), delimiter=delimiter), [])
+    except csv.Error as error:
+        raise UserError(f"{path} is no CSV file: {error}") from error
+
+
+def _read(path: Path) -> tuple[str, str]:
+    """A file's text, UTF-8 or the UTF-16 of spreadsheets, and what separates its fields."""
+    try:
+        data = path.read_bytes()
     except OSError as error:
         raise UserError(f"cannot read {path}: {error.strerror}") from error
-    except csv.Error as error:
-        raise UserError(f"{path} is no CSV file in UTF-8: {error}") from error
+    marked = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    # Without its mark, UTF-16 shows by the zero byte beside the first letter.
+    bare = {b"\0": "utf-16-be"}.get(data[:1]) or {b"\0": "utf-16-le"}.get(data[1:2])
+    try:
+        text = data.decode("utf-16" if marked else bare or "utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path} is no CSV file in UTF-8 or UTF-16: {error}") from error
+    text = re.sub(r"\A\ufeff?(?:sep=.\r?\n)?", "", text)
+    head = text.partition("\n")[0]
+    return text, max(",;\t", key=head.count)
 
 
 def number(row: Mapping[str, str], column: str, where: str) -> float | None:
@@ -54,7 +72,8 @@ def number(row: Mapping[str, str], column: str, where: str) -> float | None:
     if not text:
         return None
     try:
-        value = float(text)
+        # A decimal comma goes with semicolons, in the spreadsheets of half the world.
+        value = float(text.replace(",", ".", 1))
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
