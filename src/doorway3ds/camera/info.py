@@ -6,6 +6,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+from doorway3ds.camera.formats import parse
 from doorway3ds.camera.lens import MODELS, WIDEST_DEG
 from doorway3ds.camera.model import Camera
 from doorway3ds.errors import UserError
@@ -22,7 +23,9 @@ class LensWarning(UserWarning):
 
 
 def read_camera_info(path: str | Path) -> Camera:
-    """Reads a ROS `camera_info` YAML; rectification and projection matrices are not needed.
+    """Reads a camera file: a ROS `camera_info` YAML or one of those that `camera.formats` knows.
+
+    Rectification and projection matrices are not needed.
 
     >>> import tempfile
     >>> path = Path(tempfile.mkdtemp(), "front.yaml")
@@ -41,19 +44,18 @@ def read_camera_info(path: str | Path) -> Camera:
         UserError: if the file is missing, damaged, of another distortion model, or of a lens that
             cannot be undone in over a quarter of the image.
     """
-    import yaml
 
     def wrong(what: str) -> UserError:
         return UserError(f"{path} is no usable camera_info file: {what}")
 
     try:
-        info = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        info = parse(Path(path).read_bytes())
     except OSError as error:
         raise UserError(f"cannot read the camera file {path}: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise wrong("it is not YAML text") from error
-    if not isinstance(info, dict):
-        raise wrong("expected image_width, image_height, camera_matrix and more by name")
+    except ValueError as error:
+        raise wrong(str(error)) from error
+    except (KeyError, TypeError, IndexError) as error:
+        raise wrong(f"a value is missing or of another kind ({error})") from error
     try:
         width, height = int(info["image_width"]), int(info["image_height"])
         matrix = [float(v) for v in info["camera_matrix"]["data"]]
