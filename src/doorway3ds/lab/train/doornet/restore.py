@@ -15,10 +15,10 @@ from __future__ import annotations
 
 import json
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ from doorway3ds.lab.train.doornet.model import DoorNet, DoorNetConfig, build_doo
 from doorway3ds.lab.train.onnx import file as onnxfile
 
 Array = NDArray[np.float32]
+Key = TypeVar("Key", str, int)
 
 # By the kind of an ONNX node: what a weight there is called in messages.
 _KINDS = {"Conv": "kernel", "MatMul": "kernel", "Sub": "mean", "Mul": "factor", "Add": "offset"}
@@ -104,10 +105,6 @@ class _Walk:
         self._constants: dict[str, NDArray[Any]] = {
             i.name: numpy_helper.to_array(i) for i in graph.initializer
         }
-        for node in graph.node:
-            if node.op_type == "Constant" and node.attribute[0].name == "value":
-                value = numpy_helper.to_array(node.attribute[0].t)
-                self._constants[node.output[0]] = value
         names = {output.name for output in graph.output}
         missing = [name for name in OUTPUTS if name not in names]
         if missing:
@@ -117,22 +114,17 @@ class _Walk:
         """Every node with a weight in the order of the data, outputs in the order of OUTPUTS."""
         found: list[_Step] = []
         behind: dict[str, bool] = {}  # whether a convolution lies at or before this value
-        for output in OUTPUTS:
-            stack = [(output, False)]
-            while stack:
-                name, done = stack.pop()
-                node = self._nodes.get(name)
-                if node is None or name in behind:
-                    behind.setdefault(name, False)
-                    continue
-                if not done:
-                    stack.append((name, True))
-                    stack += [(i, False) for i in reversed(node.input) if i and i not in behind]
-                    continue
-                before = any(behind.get(i, False) for i in node.input)
-                behind[name] = before or node.op_type == "Conv"
+        for name in _in_turn(OUTPUTS, self._inputs):
+            before = any(behind[i] for i in self._inputs(name))
+            node = self._nodes.get(name)
+            behind[name] = before or (node is not None and node.op_type == "Conv")
+            if node is not None:
                 found += self._weights(node, first=not before)
         return found
+
+    def _inputs(self, name: str) -> list[str]:
+        node = self._nodes.get(name)
+        return [] if node is None else [i for i in node.input if i]
 
     def _weights(self, node: Any, first: bool) -> Iterator[_Step]:
         if node.op_type not in _KINDS:
@@ -146,10 +138,10 @@ class _Walk:
             yield _Step(kind, values.astype(np.float32), int(groups), first)
 
     def _constant(self, name: str) -> NDArray[Any] | None:
-        """A constant, also behind nodes that change its type or shape only."""
+        """A constant, also behind a node that changes its type only."""
         while name not in self._constants:
             node = self._nodes.get(name)
-            if node is None or node.op_type not in ("Cast", "Reshape", "Unsqueeze", "Identity"):
+            if node is None or node.op_type != "Cast":
                 return None
             name = node.input[0]
         return self._constants[name]
@@ -263,21 +255,30 @@ def _in_order(model: Any) -> list[Any]:
     outputs = dict(zip(model.output_names, model.outputs, strict=True))
     if isinstance(model.output, Mapping):
         outputs = dict(model.output)
-    found: list[Any] = []
-    seen: set[int] = set()
-    for name in OUTPUTS:
-        stack = [(outputs[name], False)]
-        while stack:
-            tensor, done = stack.pop()
-            operation, index, _ = tensor._keras_history
-            if not done and id(tensor) not in seen:
-                seen.add(id(tensor))
-                before = operation._inbound_nodes[index].input_tensors
-                stack.append((tensor, True))
-                stack += [(t, False) for t in reversed(before) if id(t) not in seen]
-            elif done and type(operation).__name__ in _DECODER:
-                found.append(operation)
-    return found
+    tensors = {id(outputs[name]): outputs[name] for name in OUTPUTS}
+
+    def inputs(key: int) -> list[int]:
+        operation, index, _ = tensors[key]._keras_history
+        before = operation._inbound_nodes[index].input_tensors
+        tensors.update({id(tensor): tensor for tensor in before})
+        return [id(tensor) for tensor in before]
+
+    operations = [tensors[key]._keras_history[0] for key in _in_turn(list(tensors), inputs)]
+    return [layer for layer in operations if type(layer).__name__ in _DECODER]
+
+
+def _in_turn(ends: Sequence[Key], inputs: Callable[[Key], Sequence[Key]]) -> list[Key]:
+    """Whatever the ends are made of, each once and after what it is made of itself."""
+    found: dict[Key, None] = {}
+    stack = [(end, False) for end in reversed(ends)]
+    while stack:
+        key, done = stack.pop()
+        if done:
+            found[key] = None
+        elif key not in found:
+            stack.append((key, True))
+            stack += [(i, False) for i in reversed(inputs(key)) if i not in found]
+    return list(found)
 
 
 def _metadata(graph: Any) -> Mapping[str, Any]:
