@@ -14,6 +14,9 @@ from doorway3ds.errors import UserError
 
 Row = dict[str, str]
 
+# What every doorways.csv begins with; tables of others may lack all but the first four.
+MARKS = ("image", "open", "left_px", "right_px", "clear", "confidence", "second")
+
 
 def csv_rows(path: Path, columns: Sequence[str]) -> list[tuple[str, Row]]:
     """("file line N", row) pairs of a file with commas, semicolons or tabs between its fields.

@@ -13,21 +13,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 from doorway3ds.errors import UserError
-from doorway3ds.lab.datasets.csvfile import Row, flag, number
+from doorway3ds.lab.datasets.csvfile import MARKS, Row, flag, number
 from doorway3ds.lab.datasets.readers import HALF_OPEN
 
-COLUMNS = (
-    "image",
-    "open",
-    "left_px",
-    "right_px",
-    "clear",
-    "confidence",
-    "second",
-    "state",
-    "place",
-)
-NEEDED = COLUMNS[:4]  # tables of others may lack the rest
+COLUMNS = (*MARKS, "state", "place")
+NEEDED = MARKS[:4]
 MAX_OPENINGS = 20
 # The states of an open row, and of a row without an opening; nothing: not told apart.
 _OPEN_STATES = ("", "open", HALF_OPEN)

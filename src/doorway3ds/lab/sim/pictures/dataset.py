@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Camera
+from doorway3ds.lab.datasets.csvfile import MARKS
 from doorway3ds.lab.sim.homes import apartment as homes
 from doorway3ds.lab.sim.homes import hazards
 from doorway3ds.lab.sim.homes.plan import Plan
@@ -29,13 +30,7 @@ VIEWS = 10  # pictures of one home
 OPEN_SHARE = 0.56
 HAZARD_SHARE = 0.75  # of the views of a home with hazards
 COLUMNS = (
-    "image",
-    "open",
-    "left_px",
-    "right_px",
-    "clear",
-    "confidence",
-    "second",
+    *MARKS,
     "home",
     "state",
     "fx_px",
