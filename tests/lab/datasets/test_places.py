@@ -28,7 +28,7 @@ def test_copies_are_near_and_other_pictures_are_not() -> None:
 
 
 def test_what_links_pictures_joins_them() -> None:
-    assert groups.clusters(5, [(0, 1), (3, 4), (1, 3)]) == [0, 0, 2, 0, 0]
+    assert groups.clusters(5, [(0, 1), (3, 4), (1, 3)]) == [4, 4, 2, 4, 4]
 
 
 @pytest.mark.parametrize("seed", range(10))

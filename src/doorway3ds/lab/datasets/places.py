@@ -171,7 +171,7 @@ def clusters(count: int, pairs: Sequence[tuple[int, int]]) -> list[int]:
         return node
 
     for a, b in pairs:
-        parent[max(root(a), root(b))] = min(root(a), root(b))
+        parent[root(a)] = root(b)
     return [root(node) for node in range(count)]
 
 

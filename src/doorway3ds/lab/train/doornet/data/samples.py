@@ -5,7 +5,6 @@ Readers keep everything at a modest size in memory, so that an epoch never waits
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from doorway3ds.errors import UserError
 from doorway3ds.lab.datasets import places as groups
+from doorway3ds.lab.datasets.csvfile import csv_rows
 from doorway3ds.lab.datasets.readers import read_dataset
 from doorway3ds.lab.datasets.samples import Sample as Marked
 from doorway3ds.lab.datasets.samples import load_frame
@@ -96,16 +96,9 @@ def _scaled_column(column: float, scale: float) -> float:
 
 
 def read_rows(path: Path) -> dict[str, list[dict[str, str]]]:
-    """Rows of a CSV by image name; UserError where it is missing or has no such column."""
-    try:
-        with path.open(newline="", encoding="utf-8") as stream:
-            rows = list(csv.DictReader(stream))
-    except OSError as error:
-        raise UserError(f"cannot read the labels {path}: {error.strerror}") from error
+    """Rows of a CSV by image name; UserError where it cannot be read or has no such column."""
     by_image: dict[str, list[dict[str, str]]] = {}
-    for number, row in enumerate(rows, start=2):
-        if not row.get("image"):
-            raise UserError(f"{path} line {number}: no `image` column or value")
+    for _, row in csv_rows(path, ("image",)):
         by_image.setdefault(row["image"], []).append(row)
     return by_image
 
@@ -334,14 +327,5 @@ def cluster_places(descriptors: NDArray[np.float32], threshold: float) -> NDArra
     for view in range(unit.shape[1]):
         np.maximum(alike, unit[:, 0] @ unit[:, view].T, out=alike)
     alike = np.maximum(alike, alike.T)
-    place = np.arange(count)
-
-    def root(node: int) -> int:
-        while place[node] != node:
-            place[node] = place[place[node]]
-            node = int(place[node])
-        return node
-
-    for a, b in zip(*np.nonzero(np.triu(alike > threshold, 1)), strict=True):
-        place[root(int(a))] = root(int(b))
-    return np.array([root(node) for node in range(count)])
+    pairs = [(int(a), int(b)) for a, b in np.argwhere(np.triu(alike > threshold, 1))]
+    return np.array(groups.clusters(count, pairs))
