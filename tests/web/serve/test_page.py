@@ -205,3 +205,22 @@ def test_large_pictures_from_phones_are_taken(
     )
     assert shown == [True, True]
     assert page.problems() == []
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_the_api_is_shown_without_anything_from_elsewhere(
+    shared: Served, page: Page, width: int
+) -> None:
+    page.open(shared.url, width)
+    page.problems()
+    page.driver.get(f"{shared.url}/docs")
+    page.until(lambda: page.run("return document.querySelectorAll('.route').length") == 9)
+    shown = str(page.run("return document.getElementById('post-/v1/decide').textContent"))
+    for words in ("Decide on one picture", "fov_deg", "number, 1 to 179", "turn_deg", "image/jpeg"):
+        assert words in shown
+    assert page.run("return document.documentElement.scrollWidth <= innerWidth")
+    loaded = page.run(
+        "return performance.getEntriesByType('resource').map((e) => new URL(e.name).origin)"
+    )
+    assert set(loaded) == {shared.url}  # type: ignore[call-overload]
+    assert page.problems() == []

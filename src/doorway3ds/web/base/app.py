@@ -41,7 +41,7 @@ def assemble(state: ServerState, router: APIRouter, *, title: str, summary: str)
         version=__version__,
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
         lifespan=lifespan,
-        docs_url=None,  # they load scripts from elsewhere
+        docs_url=None,  # FastAPI's own loads scripts from elsewhere; base/routes.py has another
         redoc_url=None,
         redirect_slashes=False,
     )

@@ -81,6 +81,12 @@ async def page(request: Request, state: State, token: str | None = None) -> Resp
     return Response(login.data, 401, media_type=login.kind)
 
 
+@router.get("/docs", include_in_schema=False)
+async def docs(request: Request, state: State) -> Response:
+    """The API in words, made of /openapi.json."""
+    return _asset(request, state, "docs.html")
+
+
 @router.get("/static/{name}", include_in_schema=False)
 async def static(request: Request, state: State, name: str) -> Response:
     return _asset(request, state, name)
