@@ -123,6 +123,7 @@ class Page:
               said("headline").match(/^Turn|Facing/)?.[0],
               said("turn") !== "–" && said("turn"),
               said("chance-figure") !== "–" && said("chance-figure"),
+              said("belief") !== "–" && said("belief"),
               document.querySelectorAll("#marks .m-best, #marks .m-way").length && "marks",
               document.querySelectorAll("#dial .d-needle").length && "needle",
               shown("pace") && said("pace"),

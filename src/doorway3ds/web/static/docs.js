@@ -31,17 +31,20 @@ function kind(given) {
 
 function table(rows) {
   if (!rows.length) return "";
-  const lines = rows.map((cells) => element("tr", {}, ...cells.map((cell) => element("td", {}, cell || ""))));
+  const lines = rows.map((cells) => element("tr", {}, ...cells.map((cell) => element("td", {}, ...prose(cell)))));
   return element("table", {}, element("tbody", {}, ...lines));
 }
+
+// Words between backticks are names.
+const prose = (text) => (text || "").split("`").map((part, i) => (i % 2 ? element("code", {}, part) : part));
 
 const section = (title, ...content) => [element("h3", {}, title), ...content];
 
 function fields(given) {
   const schema = resolved(given);
   return Object.entries(schema.properties || {}).map(([name, field]) => {
-    const needed = schema.required?.includes(name) ? "" : "optional";
-    return [name, kind(field), [resolved(field).description || field.description, needed].filter(Boolean).join(" · ")];
+    const needed = schema.required?.includes(name) ? "Required. " : "";
+    return [name, kind(field), needed + (field.description || resolved(field).description || "")];
   });
 }
 
@@ -50,7 +53,10 @@ function body(operation) {
   const found = Object.entries(content);
   if (!found.length) return [];
   const form = found.find(([, { schema }]) => resolved(schema).properties);
-  return section("Body", element("p", {}, found.map(([type]) => type).join(", ")), table(form ? fields(form[1].schema) : []));
+  const query = new Set((operation.parameters || []).map((one) => one.name));
+  const own = form ? fields(form[1].schema).filter(([name]) => !query.has(name)) : [];
+  const kinds = found.map(([type]) => type).join(", ");
+  return section("Body", element("p", {}, kinds + (query.size ? "; its other parts are the fields of the query." : "")), table(own));
 }
 
 function answers(operation) {
@@ -75,7 +81,7 @@ function route(path, verb, operation) {
     "section", { class: "card route", id },
     element("h2", {}, name, path),
     operation.summary ? element("p", {}, element("b", {}, operation.summary)) : "",
-    operation.description ? element("p", {}, operation.description) : "",
+    operation.description ? element("p", {}, ...prose(operation.description)) : "",
     ...(query.length ? section("Query and path", table(query)) : []),
     ...body(operation),
     ...answers(operation),

@@ -12,6 +12,12 @@ export function clear() {
   draw();
 }
 
+// What stands there is of the past only.
+export function rest() {
+  byId("belief").textContent = "–";
+  byId("history-to").textContent = "last";
+}
+
 export function add(belief) {
   const now = performance.now() / 1000;
   samples.push([now, belief]);
@@ -22,6 +28,7 @@ export function add(belief) {
 function draw() {
   const end = samples.at(-1);
   byId("belief").textContent = end ? end[1].toFixed(2) : "–";
+  byId("history-to").textContent = "now";
   const parts = [
     shape("rect", { class: "h-ground", width: WIDTH, height: HEIGHT, rx: 6 }),
     shape("path", { class: "h-half", d: `M0 ${HEIGHT / 2}H${WIDTH}` }),

@@ -26,7 +26,7 @@ const pace = { last: 0, mean: 0 };
 const modes = byId("modes");
 const welcome = {
   picture: ["Drop a picture of a room here, paste one, or choose a file.", "Choose a picture", "JPEG, PNG, WebP, TIFF or BMP. A photograph's EXIF focal length is used."],
-  camera: ["Walk your phone or laptop through the room: it becomes the robot.", "Start the camera", "Pictures go to this server alone, are decided on and forgotten."],
+  camera: ["Walk your phone or laptop through the room: it becomes the robot.", "Start the camera", "Pictures go to this server only and are not kept."],
   source: ["Waiting for the first picture of the source.", "", ""],
 };
 
@@ -71,6 +71,7 @@ function hush() {
   pace.mean = 0;
   stage.clear();
   dial.draw(null);
+  history.rest();
   keep(null);
 }
 
@@ -106,7 +107,8 @@ async function show(decision, frame, stillWanted, belief = decision.p_open) {
 function origin(name) {
   const words = now.mode === "source" ? now.info.source.name : now.mode === "camera" ? "This camera" : name;
   byId("origin").hidden = false;
-  byId("origin").textContent = byId("origin").title = words;
+  byId("origin").title = words;
+  byId("origin").textContent = words.includes("://") ? words : words.split("/").at(-1);
 }
 
 function tick(decision) {
@@ -245,7 +247,7 @@ function setMode(mode) {
 function buttons() {
   byId("choose").hidden = now.mode !== "picture";
   byId("pause").hidden = now.mode !== "source" && !(now.mode === "camera" && camera.running);
-  byId("pause").textContent = now.paused ? "Go on" : "Pause";
+  byId("pause").textContent = now.paused ? "Resume" : "Pause";
   byId("toggle").hidden = now.mode !== "camera" || Boolean(Camera.problem());
   byId("toggle").textContent = camera.running ? "Stop" : "Start the camera";
   if (!camera.running) byId("switch").hidden = true;

@@ -14,7 +14,7 @@ export function prepare(info, changed) {
   fill(form.method, info.methods.map((name) => [name, methods[name] || name]));
   fill(form.network, info.networks.map(({ name }) => [name, name.split("/").at(-1)]));
   fill(form.camera, [
-    ...(info.camera_given ? [[OWN, "The server's own"]] : []),
+    ...(info.camera_given ? [[OWN, "The server's camera"]] : []),
     ["auto", "From the picture, else 60.9°"],
     ...info.cameras.map((c) => [c.name, `${c.name} (${c.hfov_deg.toFixed(1)}°)`]),
     [ANGLE, "By field of view"],
@@ -39,7 +39,7 @@ export function prepare(info, changed) {
     update();
     clearTimeout(timer);
     timer = setTimeout(() => {
-      problem(form.checkValidity() ? "" : "A number is outside of what is possible.");
+      problem(form.checkValidity() ? "" : "A number is out of range.");
       if (form.checkValidity()) changed(fields());
     }, 250);
   };
