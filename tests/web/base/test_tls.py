@@ -70,7 +70,7 @@ def test_links_and_codes() -> None:
         (["--host", "0.0.0.0"], "add --token new"),
         (["--token", "short"], "8 to 256"),
         (["--token", "has space in it"], "8 to 256"),
-        (["--method", "magic"], "opening or paper"),
+        (["--method", "magic"], "'opening', 'paper'"),
         (["--tls-cert", "x.pem"], "go together"),
         (["--network", "nothing"], "no network 'nothing'"),
         (["--camera", "nothing"], "neither a preset"),
