@@ -26,16 +26,16 @@ def test_limits_keep_within_the_bounds(tmp_path: Path) -> None:
     site = write_site(tmp_path / "site", rooms=4)
     part = HeldSet("site", read_dataset(site).samples)
     network = DoorNet(factories.doornet(tmp_path / "always.onnx", p_open=1.0))  # 0.73
-    seen = tune.Tuning.look(network, part)
-    strict = tune.tune([seen], tune.Goal(0.01, 0.05, (0.5, 0.7, 0.8)), grid={})
-    assert strict == {"open_from": 0.8}
-    anything = tune.tune([seen], tune.Goal(1.0, 1.0, (0.8, 0.5)), grid={})
-    assert anything == {"open_from": 0.5}
+    seen = tune.Tuning.look(network, [part])
+    strict = tune.tune(seen, tune.Goal(0.01, 0.05, (0.5, 0.7, 0.8)))
+    assert strict["open_from"] == 0.8
+    anything = tune.tune(seen, tune.Goal(1.0, 1.0, (0.8, 0.5)))
+    assert anything["open_from"] == 0.5
+    votes = anything["limits"]["clearance"]
+    assert tuple(votes.values()) == tune.LADDER[0]  # nothing speaks against the boldest
 
 
-def test_presets_come_with_the_file(
-    tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_presets_come_with_the_file(tmp_path: Path, cli: Cli) -> None:
     site, run = write_site(tmp_path / "site", rooms=4), tmp_path / "run"
     factories.doornet(run / "doornet.onnx")
     rows = [f"site,room{r:02d}/{n}.png,{r},{1 + r % 2}" for r in range(4) for n in range(4)]
@@ -47,7 +47,6 @@ def test_presets_come_with_the_file(
     ran = cli("train", "limits", run, site)
     assert ran.status != 0 and "nothing held out" in ran.err
     (run / "doornet.json").write_text(json.dumps(card | {"held_out": "1/4"}))
-    monkeypatch.setattr(tune, "GRID", {"sure_score": (0.2, 0.9)})
     ran = cli("train", "limits", run, site)
     assert ran.status == 0 and "cautious" in ran.out
     network = DoorNet(run / "doornet.onnx")

@@ -1,14 +1,15 @@
 """Operating points of the `opening` method for one network, chosen on held-out pictures.
 
 Three are chosen by bounds on the two ways to go wrong, going where there is no doorway and going
-when the way is blocked: as many goes on clear ways as they leave. Every set of pictures counts
-alike. What is chosen here must not be reported on the same pictures: a training's half-1.onnx and
-half-2.onnx, each for one half of the held-out places, take limits chosen on the other half.
+when the way is blocked: as many goes on clear ways as they leave, over all sets together. What is
+chosen here must not be reported on the same pictures: a training's half-1.onnx and half-2.onnx,
+each for one half of the held-out places, take limits chosen on the other half.
 """
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,17 +32,21 @@ from doorway3ds.networks.limits import override
 from doorway3ds.networks.session import digest
 from doorway3ds.types import Frame, Perception, Reason
 
-OPEN_FROM = "open_from"  # of the gates; the others are limits of the opening method
 MIN_SCORE = 0.02  # candidates are listed from here on; whether to go is told by the others
 
-# Each limit's candidates; a dotted name lies in a nested group.
-GRID: dict[str, tuple[float, ...]] = {
-    "sure_score": (0.1, 0.15, 0.2, 0.25, 0.3, 0.4),
-    "clearance.vote_alone": (0.4, 0.5, 0.6, 0.7),
-    "clearance.vote_blocks": (0.0, 0.3, 0.4, 0.5, 0.6),
-    # never below 0.5: what the depth shows in the way is not argued away by less than a chance
-    "clearance.vote_frees": (0.5, 0.6, 0.7, 0.85, 1.1),
-}
+# (vote_blocks, vote_alone, vote_frees) of `ClearanceParams`, from bold to careful. One ladder, as
+# blocked ways are few: limits that are free to vary one by one fit these pictures and no others.
+LADDER = (
+    (0.0, 0.5, 0.5),
+    (0.3, 0.5, 0.7),
+    (0.4, 0.6, 0.7),
+    (0.4, 0.7, 0.85),
+    (0.5, 0.7, 0.85),
+    (0.6, 0.8, 0.85),
+    (0.7, 0.8, 0.9),
+    (0.7, 0.85, 1.1),
+)
+SURE_SCORE = 0.15
 RATES = ("go_without_door", "go_when_blocked", "go_when_clear")
 
 
@@ -66,9 +71,9 @@ class Goal:
 
 # `balanced` is what the file does when nothing is chosen, so its gate is the default one
 GOALS = {
-    "cautious": Goal(0.01, 0.05, (0.5, 0.55, 0.6, 0.65, 0.7, 0.8)),
-    "balanced": Goal(0.03, 0.12),
-    "eager": Goal(0.08, 0.25, (0.3, 0.35, 0.4, 0.45, 0.5)),
+    "cautious": Goal(0.015, 0.06, (0.6, 0.7, 0.8)),
+    "balanced": Goal(0.04, 0.12),
+    "eager": Goal(0.08, 0.22, (0.3, 0.4, 0.5)),
 }
 
 
@@ -83,18 +88,19 @@ class Tuning:
     seen: list[tuple[Frame, Perception, PictureTruth]] = field(default_factory=list)
 
     @classmethod
-    def look(cls, network: Network, part: HeldSet) -> Tuning:
-        """Runs the network once on every picture."""
+    def look(cls, network: Network, parts: Sequence[HeldSet]) -> Tuning:
+        """Runs the network once on every picture of these sets."""
         tuning = cls()
-        for sample in part.samples:
+        for sample in (sample for part in parts for sample in part.samples):
             frame = load_frame(sample)
             truth = picture_truth(sample, frame, load_depth(sample))
             tuning.seen.append((frame, network(frame.image, frame.camera), truth))
         return tuning
 
-    def records(self, limits: Mapping[str, float]) -> list[DirectionRecord]:
-        """Whether to go under these limits; what lies behind a closed gate is not looked at."""
-        params, gates = at(limits)
+    def records(self, point: Mapping[str, Any]) -> list[DirectionRecord]:
+        """Whether to go at this point; what lies behind a closed gate is not looked at."""
+        params = override(OpeningParams(), point["limits"])
+        gates = Gates(open_from=point["open_from"])
         found = []
         for frame, perception, truth in self.seen:
             if perception.p_open < gates.open_from:
@@ -107,58 +113,26 @@ class Tuning:
         return found
 
 
-def at(limits: Mapping[str, float]) -> tuple[OpeningParams, Gates]:
-    """Limits by dotted name as the runtime takes them."""
-    rest = {name: value for name, value in limits.items() if name != OPEN_FROM}
-    params = override(OpeningParams(min_score=MIN_SCORE), nested(rest))
-    return params, Gates(open_from=limits.get(OPEN_FROM, Gates.open_from))
-
-
-def nested(limits: Mapping[str, float]) -> dict[str, Any]:
-    """Dotted names to nested mappings, as `limits.override` and a network's metadata take them."""
-    found: dict[str, Any] = {}
-    for name, value in limits.items():
-        *groups, last = name.split(".")
-        place = found
-        for group in groups:
-            place = place.setdefault(group, {})
-        place[last] = value
-    return found
+def preset(open_from: float, rung: tuple[float, float, float]) -> dict[str, Any]:
+    """An operating point as the file's metadata holds it."""
+    votes = dict(zip(("vote_blocks", "vote_alone", "vote_frees"), rung, strict=True))
+    limits = {"min_score": MIN_SCORE, "sure_score": SURE_SCORE, "clearance": votes}
+    return {"open_from": open_from, "limits": limits}
 
 
 def tune(
-    parts: Sequence[Tuning],
-    goal: Goal,
-    grid: Mapping[str, tuple[float, ...]] = GRID,
-    rounds: int = 2,
-    tell: Callable[[str], None] = lambda line: None,
-) -> dict[str, float]:
-    """Coordinate search over the grid from the defaults: limits by dotted name."""
-    grid = {OPEN_FROM: goal.open_from, **grid}
-
-    def reached(limits: Mapping[str, float]) -> float:
-        scores = (direction.score(part.records(limits), repeats=0) for part in parts)
-        return sum(goal.value(score) for score in scores) / len(parts)
-
-    best: dict[str, float] = {OPEN_FROM: goal.open_from[0]}
-    value = reached(best)
-    for _ in range(rounds):
-        before = value
-        for name, candidates in grid.items():
-            for candidate in candidates:
-                trial = {**best, name: candidate}
-                if trial != best and (tried := reached(trial)) > value + 1e-9:
-                    best, value = trial, tried
-            tell(f"{name}: {best.get(name, 'default')} -> {value:.3f}")
-        if value <= before + 1e-9:
-            break
+    tuning: Tuning, goal: Goal, tell: Callable[[str], None] = lambda line: None
+) -> dict[str, Any]:
+    """The point of the goal's gates and the ladder at which the goal's value is highest."""
+    best, most = {}, -math.inf
+    for open_from in goal.open_from:
+        for rung in LADDER:
+            point = preset(open_from, rung)
+            score = direction.score(tuning.records(point), repeats=0)
+            if (value := goal.value(score)) > most:
+                best, most = point, value
+        tell(f"p_open from {open_from:g} on: {most:.3f}")
     return best
-
-
-def preset(limits: Mapping[str, float]) -> dict[str, Any]:
-    """An operating point as the file's metadata holds it."""
-    rest = {"min_score": MIN_SCORE, **{k: v for k, v in limits.items() if k != OPEN_FROM}}
-    return {OPEN_FROM: limits[OPEN_FROM], "limits": nested(rest)}
 
 
 def tune_run(
@@ -191,12 +165,11 @@ def _choose(
     network_file: Path, parts: Sequence[HeldSet], tell: Callable[[str], None]
 ) -> dict[str, dict[str, Any]]:
     """Presets chosen on these pictures, written into the file: its new metadata."""
-    network = DoorNet(network_file)
-    seen = [Tuning.look(network, part) for part in parts]
+    tuning = Tuning.look(DoorNet(network_file), parts)
     presets = {}
     for name, goal in GOALS.items():
         tell(f"{network_file.name}, {name}")
-        presets[name] = preset(tune(seen, goal, tell=tell))
+        presets[name] = tune(tuning, goal, tell)
     told = {"thresholds": presets["balanced"]["limits"], "presets": presets}
     set_metadata(network_file, told)
     return told
