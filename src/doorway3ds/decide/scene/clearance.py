@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -232,40 +233,8 @@ def _largest_group(mask: Mask, floor: Mask | None, size: float, veto: float) -> 
     return None
 
 
-def label_groups(mask: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Labels (h, w) of the 8-connected groups of a mask, -1 outside, and their sizes.
-
-    Runs along the rows are joined by union-find, so the work is a Python step per run.
-    """
-    height, width = mask.shape
-    padded = np.zeros((height, width + 2), dtype=np.int8)
-    padded[:, 1:-1] = mask
-    change = np.diff(padded, axis=1)
-    rows, starts = np.nonzero(change == 1)
-    ends = np.nonzero(change == -1)[1]  # one past the last column
-    parent = list(range(rows.size))
-
-    def root(i: int) -> int:
-        while parent[i] != i:
-            parent[i] = parent[parent[i]]
-            i = parent[i]
-        return i
-
-    row_list, start_list, end_list = rows.tolist(), starts.tolist(), ends.tolist()
-    above = 0
-    for run, row in enumerate(row_list):
-        while row_list[above] < row - 1 or (
-            row_list[above] == row - 1 and end_list[above] < start_list[run]
-        ):
-            above += 1
-        other = above
-        while row_list[other] == row - 1 and start_list[other] <= end_list[run]:
-            parent[root(other)] = root(run)
-            other += 1
-    roots = np.array([root(i) for i in range(rows.size)], dtype=np.intp)
-    _, run_labels = np.unique(roots, return_inverse=True)
-    lengths = ends - starts
-    labels = np.full((height, width), -1, dtype=np.intp)
-    labels[mask] = np.repeat(run_labels, lengths)
-    sizes = np.bincount(run_labels, weights=lengths).astype(np.intp)
-    return labels, sizes
+def label_groups(mask: Mask) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Labels (h, w) of the 8-connected groups of a mask, -1 outside, and their sizes."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    sizes = stats[1:, cv2.CC_STAT_AREA]
+    return np.asarray(labels - 1, np.int32), np.asarray(sizes, np.int32)
