@@ -69,7 +69,7 @@ _RENDERED_KINDS = {
     "wardrobe": "wardrobe or cabinet",
     "closet": "closet without a leaf",
     "glass_closed": "closed glass door",
-    "curtain": "curtain",
+    "curtain": "curtain in a doorway",
     "stairs_down": "stairs down",
     "stairs_up": "stairs up",
     "step": "step",
