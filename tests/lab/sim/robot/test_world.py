@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from doorway3ds.lab.sim.trials.scenarios import Stage
 
 from doorway3ds.camera.model import Pose
 from doorway3ds.lab.sim.render.renderer import Eye
 from doorway3ds.lab.sim.robot.body import FastClock, Gait
+from doorway3ds.lab.sim.stages.scenarios import Stage
 from tests.lab.sim.conftest import doorway, two_rooms
 
 pytestmark = pytest.mark.sim

@@ -37,7 +37,7 @@ def net(teachers: Path) -> DoorNet:
     rng = np.random.default_rng(1)
     for layer in net.decoder.layers:
         values = [w + rng.normal(0, 0.2, w.shape) for w in layer.get_weights()]
-        if type(layer).__name__ == "BatchNormalization":
+        if isinstance(layer, keras.layers.BatchNormalization):
             values[3] = np.abs(values[3]) + 0.1
         if layer.weights and type(layer).__name__ not in ("Dropout", "SpatialDropout2D"):
             layer.set_weights(values)

@@ -45,7 +45,7 @@ def network(teachers: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     files = sorted(write_site(folder / "other", rooms=3, each=2).rglob("*.png"))
     images = np.stack([cv2.resize(cv2.imread(str(f))[..., ::-1], (96, 64)) for f in files])
     for layer in net.decoder.layers:
-        if type(layer).__name__ == "BatchNormalization":
+        if isinstance(layer, keras.layers.BatchNormalization):
             layer.momentum = 0.0
     with torch.no_grad():
         net.whole(torch.from_numpy(images.transpose(0, 3, 1, 2).astype(np.float32)), training=True)

@@ -122,6 +122,13 @@ def split_at(net: DoorNet, thaw: tuple[int, int]) -> tuple[Any, Any]:
     return front, keras.Model(inputs, net.decoder(features))
 
 
+def is_batch_norm(layer: Any) -> bool:
+    """Whether a layer is batch normalisation, Keras' own or the fused one."""
+    from keras import layers
+
+    return isinstance(layer, layers.BatchNormalization)
+
+
 def fused_batch_norm() -> Any:
     """Keras' batch normalisation of (B, C, h, w), computed in training by one kernel of PyTorch.
 

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from doorway3ds.errors import UserError
 from doorway3ds.lab.train.doornet.backbones import FoldedConv
 from doorway3ds.lab.train.doornet.export import OUTPUTS, SHAPES, Calibration
-from doorway3ds.lab.train.doornet.model import DoorNet, DoorNetConfig, build_doornet
+from doorway3ds.lab.train.doornet.model import DoorNet, DoorNetConfig, build_doornet, is_batch_norm
 from doorway3ds.lab.train.onnx import file as onnxfile
 
 Array = NDArray[np.float32]
@@ -34,7 +34,7 @@ Key = TypeVar("Key", str, int)
 
 # By the kind of an ONNX node: what a weight there is called in messages.
 _KINDS = {"Conv": "kernel", "MatMul": "kernel", "Sub": "mean", "Mul": "factor", "Add": "offset"}
-_DECODER = {"Conv2D", "DepthwiseConv2D", "Dense", "BatchNormalization"}
+_DECODER = {"Conv2D", "DepthwiseConv2D", "Dense"}  # and batch norm
 _SEMANTIC_CONVS = 51  # of MobileNetV2 to its 320 channels
 _DEPTH_CONVS = 38  # of FastDepth
 
@@ -228,7 +228,7 @@ def _load(net: DoorNet, steps: Sequence[_Step]) -> None:
 
     for layer in _in_order(net.decoder):
         shapes = [tuple(weight.shape) for weight in layer.weights]
-        if type(layer).__name__ == "BatchNormalization":
+        if is_batch_norm(layer):
             mean, factor = np.zeros(shapes[0], np.float32), np.ones(shapes[0], np.float32)
             # after a convolution, its kernel may have the factor, and its offset the mean
             if not source or source[0].kind != "Add":
@@ -264,7 +264,7 @@ def _in_order(model: Any) -> list[Any]:
         return [id(tensor) for tensor in before]
 
     operations = [tensors[key]._keras_history[0] for key in _in_turn(list(tensors), inputs)]
-    return [layer for layer in operations if type(layer).__name__ in _DECODER]
+    return [o for o in operations if is_batch_norm(o) or type(o).__name__ in _DECODER]
 
 
 def _in_turn(ends: Sequence[Key], inputs: Callable[[Key], Sequence[Key]]) -> list[Key]:

@@ -24,7 +24,7 @@ from doorway3ds.lab.train.doornet.data.samples import Sample
 from doorway3ds.lab.train.doornet.export import Calibration
 from doorway3ds.lab.train.doornet.fit import FitConfig, Held, Stage, fit
 from doorway3ds.lab.train.doornet.losses import LossWeights, all_losses
-from doorway3ds.lab.train.doornet.model import DoorNet
+from doorway3ds.lab.train.doornet.model import DoorNet, is_batch_norm
 from doorway3ds.lab.train.engine.backend import device_of
 from doorway3ds.lab.train.engine.calibrate import platt
 from doorway3ds.lab.train.engine.loop import Row, Watcher
@@ -170,8 +170,7 @@ def _freeze(net: DoorNet, stage: str) -> None:
     for layer in decoder.layers:
         learns = stage == DECODER or id(layer) not in shared
         # few pictures tell less of the statistics than the thousands before
-        normalises = type(layer).__name__ == "BatchNormalization"
-        layer.trainable = learns and not normalises and layer.name not in _UNTRAINED
+        layer.trainable = learns and not is_batch_norm(layer) and layer.name not in _UNTRAINED
 
 
 def _look(net: DoorNet, samples: Sequence[Sample], batch: int) -> _Outlook:
