@@ -115,6 +115,14 @@ def test_errors_are_one_json_object(
     assert "\n" not in error["message"]
 
 
+def test_an_image_that_its_decoder_would_make_up_is_refused(shared: Served, photo: bytes) -> None:
+    middle = len(photo) // 2
+    for path in ("/v1/decide", "/v1/annotate"):
+        answer = shared.client.post(path, content=photo[:middle] + photo[middle + 40 :])
+        assert (answer.status_code, answer.json()["error"]["code"]) == (400, "bad_image")
+        assert "the image is damaged (" in answer.json()["error"]["message"]
+
+
 def test_json_is_refused_by_its_type(shared: Served) -> None:
     answer = shared.client.post("/v1/decide", json={"image": "x"})
     assert answer.status_code == 415
