@@ -1,7 +1,9 @@
 // The server's routes. A failed answer becomes an ApiError with the server's own words.
 export class ApiError extends Error {
-  constructor(code, message, retryAfterS = 0) {
+  // status 0: no answer came.
+  constructor(status, code, message, retryAfterS = 0) {
     super(message);
+    this.status = status;
     this.code = code;
     this.retryAfterS = retryAfterS;
   }
@@ -16,14 +18,14 @@ export async function ask(url, options) {
     answer = await fetch(url, { credentials: "same-origin", ...options });
   } catch (error) {
     if (error.name === "AbortError") throw error;
-    throw new ApiError("unreachable", "the server does not answer", 2);
+    throw new ApiError(0, "unreachable", "The server does not answer.", 2);
   }
   if (answer.ok) return answer;
   let told = { code: "", message: `the server answered ${answer.status}` };
   try {
     told = (await answer.json()).error;
   } catch { /* no JSON: the status must do */ }
-  throw new ApiError(told.code, told.message, Number(answer.headers.get("Retry-After") || 0));
+  throw new ApiError(answer.status, told.code, told.message, Number(answer.headers.get("Retry-After") || 0));
 }
 
 function withFields(url, fields) {
