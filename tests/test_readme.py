@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -44,3 +45,10 @@ def test_architecture_names_every_room_and_no_other() -> None:
     # Folders that only hold an __init__.py and other rooms are storeys.
     storeys = {"lab/", "lab/train/", "lab/sim/", "web/"}
     assert named - {"web/"} == rooms - storeys - {"./", "lab/train/doornet/recipes/"}
+
+
+def test_the_storeys_are_those_that_the_import_linter_holds() -> None:
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
+    layers = contracts["contracts"][0]["layers"]
+    text = (ROOT / "docs" / "architecture.md").read_text()
+    assert "\n\n" + "".join(f"    {layer}\n" for layer in layers) + "\n" in text

@@ -12,9 +12,11 @@ Each name is loaded when it is first used, so that importing the package costs l
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False  # for type checkers alone, without the cost of importing typing
 if TYPE_CHECKING:
+    from typing import Any
+
     from doorway3ds.camera.info import read_camera_info
     from doorway3ds.camera.model import Camera, Pose
     from doorway3ds.decide.pipeline import Pipeline

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from doorway3ds.camera.options import CameraOptions
-from doorway3ds.cli.shared.expand import expand
+from doorway3ds.cli.shared.options import expand
 from doorway3ds.cli.shared.progress import CountedBar
 from doorway3ds.decide.options import DecideOptions
 from doorway3ds.errors import CallError, UserError

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from doorway3ds.cli.shared.expand import expand
-from doorway3ds.cli.shared.options import Mirror
+from doorway3ds.cli.shared.options import Mirror, expand
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.tables import print_tables
 from doorway3ds.cli.shared.training import command_line, say

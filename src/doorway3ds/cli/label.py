@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from doorway3ds.camera.options import LensOptions
-from doorway3ds.cli.shared.expand import expand
 from doorway3ds.cli.shared.listening import (
     Host,
     ListenOptions,
@@ -19,6 +18,7 @@ from doorway3ds.cli.shared.listening import (
     TlsName,
     Token,
 )
+from doorway3ds.cli.shared.options import expand
 from doorway3ds.decide.options import DecideOptions, NetworkOptions
 
 if TYPE_CHECKING:

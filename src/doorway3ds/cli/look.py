@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from doorway3ds.camera.options import CameraOptions
-from doorway3ds.cli.shared.expand import expand as expanded
 from doorway3ds.cli.shared.inputs import Input, expand
+from doorway3ds.cli.shared.options import expand as expanded
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.robot import open_eyes
 from doorway3ds.cli.shared.viewer import Rerun, viewer_of

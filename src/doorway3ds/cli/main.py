@@ -9,11 +9,15 @@ from __future__ import annotations
 import contextlib
 import os
 import pkgutil
+import re
 import sys
 import warnings
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
+from typing import Any
+
+_HELP = ["-h", "--help"]
 
 # In the order of `3ds --help`; other files in this folder follow by name.
 _ORDER = (
@@ -140,8 +144,6 @@ def commands() -> list[str]:
 def application(arguments: Sequence[str]):  # type: ignore[no-untyped-def]  # Typer is imported late
     import typer
 
-    from doorway3ds.cli.shared.help import tidy
-
     app = typer.Typer(
         no_args_is_help=True,
         pretty_exceptions_enable=False,
@@ -173,8 +175,29 @@ def application(arguments: Sequence[str]):  # type: ignore[no-untyped-def]  # Ty
             context = getattr(module, "CONTEXT", None)
             app.command(name, context_settings=context)(getattr(module, name))
     command = typer.main.get_command(app)
-    tidy(command)
+    _tidy(command)
     return command
+
+
+def _tidy(command: Any) -> None:
+    """Puts the help of a command and its subcommands right, before it is called."""
+    command.context_settings = {**command.context_settings, "help_option_names": _HELP}
+    command.help = _flowing(command.help or "")
+    with command.make_context(command.name, [], resilient_parsing=True) as context:
+        parameters = [*command.params, command.get_help_option(context)]
+    for parameter in parameters:
+        if getattr(parameter, "is_flag", False):
+            parameter.metavar = ""  # Typer names a flag's type, as if it took a value
+    for inner in getattr(command, "commands", {}).values():
+        _tidy(inner)
+
+
+def _flowing(text: str) -> str:
+    """Text whose paragraphs are one line each, left as they are where they are indented."""
+    paragraphs = re.split(r"\n\s*\n", text.strip())
+    return "\n\n".join(
+        part if part.startswith(" ") else re.sub(r"\s*\n\s*", " ", part) for part in paragraphs
+    )
 
 
 if __name__ == "__main__":

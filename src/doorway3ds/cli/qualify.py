@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from doorway3ds.camera.options import LensOptions
-from doorway3ds.cli.shared.expand import expand
+from doorway3ds.cli.shared.options import expand
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.training import Watch, command_line, say
 from doorway3ds.errors import CallError

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from doorway3ds.camera.options import LensOptions
-from doorway3ds.cli.shared.expand import expand
-from doorway3ds.cli.shared.options import Network
+from doorway3ds.cli.shared.options import Network, expand
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.tables import print_tables
 from doorway3ds.cli.shared.training import Watch, command_line, say

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from doorway3ds.camera.options import CameraOptions
-from doorway3ds.cli.shared.expand import expand
+from doorway3ds.cli.shared.options import expand
 from doorway3ds.cli.shared.robot import (
     ROBOT_HELP,
     RunFolder,

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from doorway3ds.camera.options import CameraOptions
-from doorway3ds.cli.shared.expand import expand
 from doorway3ds.cli.shared.listening import (
     Host,
     ListenOptions,
@@ -17,6 +16,7 @@ from doorway3ds.cli.shared.listening import (
     TlsName,
     Token,
 )
+from doorway3ds.cli.shared.options import expand
 from doorway3ds.cli.shared.robot import open_eyes
 from doorway3ds.decide.options import DecideOptions
 from doorway3ds.options import require_range

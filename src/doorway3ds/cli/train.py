@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from doorway3ds.cli.shared.expand import expand
+from doorway3ds.cli.shared.options import expand
 from doorway3ds.cli.shared.training import running as run_of
 from doorway3ds.cli.shared.training import say
 from doorway3ds.errors import CallError
