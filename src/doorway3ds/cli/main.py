@@ -94,6 +94,8 @@ def run(arguments: Sequence[str]) -> int:
             with guarded_output():
                 return _run(arguments)
         except OutputLost as error:
+            if isinstance(error.__cause__, BrokenPipeError):  # a reader that left, such as head
+                return 1
             return _refuse(str(error), 1)
 
 

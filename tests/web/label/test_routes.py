@@ -10,6 +10,7 @@ import pytest
 from doorway3ds.images.codec import read_image
 from doorway3ds.lab.datasets import samples as datasets
 from doorway3ds.lab.datasets.readers import read_dataset
+from doorway3ds.lab.datasets.truth import picture_truth
 from tests.factories import encode, scene
 from tests.web.label.conftest import Desk
 
@@ -63,7 +64,7 @@ def test_marks_are_written_and_read_by_training_and_evaluation(site: Path, desk:
     assert [s.is_open for s in (a, b, c, d)] == [True, False, False, True]
     assert [s.place for s in (c, d)] == ["hall", "hall"]
     frame = datasets.load_frame(d)
-    truth = datasets.picture_truth(d, frame, None)
+    truth = picture_truth(d, frame, None)
     # the same column of the same upright picture: near the middle, so nearly straight ahead
     middle = (frame.camera.cx - (45.5 + 90) / 2) / frame.camera.fx
     assert truth.openings[0].bearing_deg == pytest.approx(np.degrees(np.arctan(middle)))
