@@ -17,6 +17,8 @@ from doorway3ds.errors import UserError  # noqa: E402
 from doorway3ds.lab.train.doornet.export import Calibration, export_onnx  # noqa: E402
 from doorway3ds.lab.train.doornet.model import DoorNet, DoorNetConfig, build_doornet  # noqa: E402
 from doorway3ds.lab.train.doornet.restore import restore  # noqa: E402
+from doorway3ds.lab.train.engine import backend  # noqa: E402
+from doorway3ds.networks.registry import MODELS  # noqa: E402
 
 pytestmark = pytest.mark.train
 
@@ -69,6 +71,13 @@ def test_what_is_read_back_gives_the_same(net: DoorNet, exported: Path) -> None:
             scale = float(value.abs().max())
             # the file rounds weights to 16 bits; `restore` itself compares with the file
             assert float((after[name] - value).abs().max()) / scale < 0.02, name
+
+
+def test_the_packaged_network_can_be_trained_further() -> None:
+    backend.start(1)
+    restored = restore(MODELS["doornet"].path)  # compares what both answer
+    assert restored.metadata["depth_error"] > 0
+    assert restored.net.whole.input_shape == (None, 3, None, None)
 
 
 def test_another_architecture_is_refused_by_its_first_mismatch(
