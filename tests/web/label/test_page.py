@@ -203,6 +203,7 @@ def test_a_picture_on_its_side_is_marked_upright_by_taps(
 ) -> None:
     page.begin(f"{desk(site).url}/#5", 390, 844)
     page.says("name", "hall/d.jpg")
+    page.until(lambda: page.run("return document.getElementById('photo').naturalWidth"))
     shape = page.run(
         "const p = document.getElementById('photo'); return [p.naturalWidth, p.naturalHeight]"
     )
