@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from doorway3ds.camera.calibration import Board, calibrate, find_corners
+from doorway3ds.camera.board import Board, find_corners
+from doorway3ds.camera.calibration import calibrate
 from doorway3ds.camera.info import read_camera_info
 from doorway3ds.camera.model import Camera, pixel_to_ray
 from doorway3ds.cli.main import run

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from doorway3ds.camera.board import Board, Corners, find_corners
 from doorway3ds.camera.lens import MODELS
 from doorway3ds.camera.model import Camera, pixel_to_ray, ray_to_pixel
 from doorway3ds.errors import UserError
@@ -18,35 +18,6 @@ MIN_PICTURES = 3
 _FOLDS = 4
 _BY_SIMPLICITY = ("plumb_bob", "equidistant", "rational_polynomial")
 _AS_GOOD, _SAME_PX = 1.1, 0.02  # of the best model's held-out error, or this far from it
-Corners = NDArray[np.float32]
-
-
-@dataclass(frozen=True)
-class Board:
-    """A flat board of squares.
-
-    columns, rows: inner corners of a chessboard (OpenCV's count); squares of a ChArUco board.
-    marker_m: side of a ChArUco board's markers, None for a chessboard.
-    dictionary: OpenCV's name of the markers' dictionary.
-    """
-
-    columns: int
-    rows: int
-    square_m: float
-    marker_m: float | None = None
-    dictionary: str = "DICT_4X4_50"
-
-    def __post_init__(self) -> None:
-        if min(self.columns, self.rows) < 3 or self.square_m <= 0:
-            raise UserError(
-                "a board has at least 3x3 corners (chessboard) or squares (ChArUco) of a positive "
-                f"size, got {self.columns}x{self.rows} of {self.square_m * 1e3:g} mm"
-            )
-        if self.marker_m is not None and not 0 < self.marker_m < self.square_m:
-            raise UserError(
-                "a ChArUco marker is smaller than its square, got "
-                f"{self.marker_m * 1e3:g} mm in {self.square_m * 1e3:g} mm"
-            )
 
 
 @dataclass(frozen=True)
@@ -66,51 +37,6 @@ class Calibration:
     without_board: tuple[str, ...]
     coverage: float
     held_out_px: dict[str, float]
-
-
-def find_corners(image: NDArray[np.uint8], board: Board) -> tuple[Corners, Corners] | None:
-    """Board points (n, 3) in metres and their pixels (n, 2) in a picture, None without a board.
-
-    image: (H, W, 3) uint8 RGB.
-    """
-    import cv2
-
-    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
-    if board.marker_m is not None:
-        return _charuco_corners(grey, board)
-    size = (board.columns, board.rows)
-    found, corners = cv2.findChessboardCornersSB(
-        grey, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
-    )
-    if not found:
-        return None
-    points = np.zeros((board.rows * board.columns, 3), np.float32)
-    points[:, :2] = np.mgrid[0 : board.columns, 0 : board.rows].T.reshape(-1, 2) * board.square_m
-    return points, np.asarray(corners, np.float32).reshape(-1, 2)
-
-
-def _charuco_corners(grey: NDArray[Any], board: Board) -> tuple[Corners, Corners] | None:
-    import cv2
-
-    code = getattr(cv2.aruco, board.dictionary, None)
-    if code is None or not board.dictionary.startswith("DICT_"):
-        raise UserError(
-            f"no marker dictionary '{board.dictionary}'; OpenCV has DICT_4X4_50 to DICT_7X7_1000, "
-            "DICT_ARUCO_ORIGINAL and DICT_APRILTAG_36h11"
-        )
-    charuco = cv2.aruco.CharucoBoard(
-        (board.columns, board.rows),
-        board.square_m,
-        float(board.marker_m or 0),
-        cv2.aruco.getPredefinedDictionary(code),
-    )
-    corners, ids, _, _ = cv2.aruco.CharucoDetector(charuco).detectBoard(grey)
-    if ids is None or len(ids) < 6:
-        return None
-    points = np.asarray(charuco.getChessboardCorners(), np.float32)[np.ravel(ids)]
-    if min(np.ptp(points[:, 0]), np.ptp(points[:, 1])) == 0:
-        return None  # one line of corners does not fix the board's pose
-    return points, np.asarray(corners, np.float32).reshape(-1, 2)
 
 
 def calibrate(
