@@ -61,6 +61,8 @@ def test_the_json_object_has_the_contracts_keys_in_order():
             "range_m": 2.5,
             "score": 0.8,
             "cut": None,
+            "left_px": 10.0,
+            "right_px": 20.0,
         }
     ]
     assert (answer["reason"], answer["pixel"], answer["look"]) == ("turn", [24, 15], None)

@@ -36,6 +36,8 @@ _OPENING = pa.struct(
         ("range_m", pa.float64()),
         ("score", pa.float64()),
         ("cut", pa.string()),
+        ("left_px", pa.float64()),
+        ("right_px", pa.float64()),
     ]
 )
 SCHEMA = pa.schema(
