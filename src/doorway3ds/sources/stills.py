@@ -17,7 +17,6 @@ from doorway3ds.sources.splitter import Splitter
 from doorway3ds.types import Frame
 
 _CHUNK = 1 << 16
-_PAUSE_S = 0.1
 
 
 class Stills(Source):

@@ -73,7 +73,8 @@ def test_no_printed_row_contradicts_the_unrounded_formula() -> None:
     angles = [r for r in ROWS if r.difference_deg is not None]
     assert len(angles) == 9
     for found in angles:
-        assert abs(found.difference_deg or 0) <= 0.5 * 10**-found.row.digits
+        assert found.difference_deg is not None
+        assert abs(found.difference_deg) <= 0.5 * 10**-found.row.digits
     first = angles[0]
     assert first.angle_deg == pytest.approx(-95 * 60.9 / 320)
     assert first.difference_deg == pytest.approx(18.1 - 95 * 60.9 / 320)
@@ -124,7 +125,6 @@ def test_gates_hold_angles_back() -> None:
 def test_the_printed_counts_and_shares_fit_their_pictures() -> None:
     c = printed.TABLE_2
     assert c.tp + c.fp + c.tn + c.fn == printed.PICTURES
-    assert sum(printed.CLASS_PICTURES.values()) == 14494
     best = max(printed.VALIDATION_ACCURACY, key=lambda e: printed.VALIDATION_ACCURACY[e])
     assert best == printed.ADOPTED_EPOCHS
 

@@ -19,7 +19,6 @@ TABLE_2 = Confusion(tp=5, fp=1, tn=5, fn=1)
 
 VALIDATION_ACCURACY = {10: 0.9579, 20: 0.9796, 30: 0.9751}  # by epochs
 ADOPTED_EPOCHS = 20
-CLASS_PICTURES = {"no-door": 7062, "open-door": 7432}
 
 
 @dataclass(frozen=True)

@@ -46,11 +46,6 @@ def rotation_x(angle_deg: float) -> Float:
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
-def rotation_y(angle_deg: float) -> Float:
-    c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-
-
 def join(meshes: list[Mesh]) -> Mesh:
     """One mesh of several; they keep their own vertices."""
     starts = np.cumsum([0] + [len(m.vertices) for m in meshes[:-1]])

@@ -18,10 +18,6 @@ X, Y, Z = np.eye(3)
 INWARD = (X, -X, Y, -Y)
 
 
-def lining_of(portal: Portal) -> float:
-    return LINING_M
-
-
 def wall_face(home: Home, room: Room, span: WallSpan) -> tuple[NDArray[np.float64], float, float]:
     """Lower start corner of a room's wall face, its length, and the plan start along the wall."""
     t = home.wall_m / 2
