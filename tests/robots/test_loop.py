@@ -324,7 +324,7 @@ def test_a_run_is_read_back_with_the_same_pictures(tmp_path: Path) -> None:
     seen = list(looks(tmp_path / "run", events))
     first, second = (int(look.frame.image[0, 0, 0]) for look in seen)
     assert first == 1
-    assert second in (4, 5)  # those in between were taken while it still shook
+    assert second == 5  # those in between were taken while it still shook
     assert seen[0].frame.camera == CAMERA
     assert [look.action for look in seen] == ["go +25.0 deg", "aligned"]
 

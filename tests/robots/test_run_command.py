@@ -18,6 +18,7 @@ from doorway3ds.camera.model import Camera
 from doorway3ds.lab.sim.robot.body import Body, Gait
 from doorway3ds.lab.sim.robot.nao import Faults
 from doorway3ds.robots.runlog import read_log
+from tests import factories
 
 
 def test_without_move_it_only_says(cli: Any) -> None:
@@ -56,18 +57,26 @@ def test_a_folder_without_a_run_is_one_line(cli: Any) -> None:
 
 
 @pytest.mark.nao
-def test_a_virtual_nao_is_turned_and_the_run_replayed(cli: Any, virtual: Any) -> None:
+@pytest.mark.parametrize(
+    ("p_open", "status", "turns"),
+    [
+        (-3.0, 3, ["done"] * 8),  # no door: a full circle
+        (3.0, 4, []),  # a door, but no floor on the way to it
+    ],
+)
+def test_a_virtual_nao_is_driven_and_the_run_replayed(
+    cli: Any, virtual: Any, p_open: float, status: int, turns: list[str]
+) -> None:
     nao, where = virtual()
     uri = f"nao://{where}"
-    # The network of the tests sees its door at the same columns for ever.
+    factories.doornet(Path("same.onnx"), p_open=p_open)
     ran = cli(
         "run", f"{uri}?resolution=qvga&fps=20", "--robot", uri, "--move", "--say",
-        "--network", "net.onnx", "--log", "a", "--blocked-s", "0", "--aligned-deg", "3",
+        "--network", "same.onnx", "--log", "a", "--blocked-s", "0",
     )  # fmt: skip
     events = read_log(Path("a"))
-    turns = [e for e in events if e["event"] == "turn"]
-    assert ran.status in (4, 5)
-    assert turns == [] or turns[0]["end"] == "done"
+    assert ran.status == status
+    assert [e["end"] for e in events if e["event"] == "turn"] == turns
     assert events[-1]["stopped"] is True
     assert not nao.body.moving
     assert nao.video.getSubscribers() == []

@@ -122,9 +122,16 @@ def test_marks_that_make_no_sense_are_refused(site: Path, desk: Desk, marks: obj
 def test_pictures_are_numbers_never_paths(site: Path, desk: Desk) -> None:
     (site.parent / "secret.jpg").write_bytes(encode(scene()))
     client = desk(site).client
-    for path in ("5", "-1", "../secret.jpg", "%2e%2e%2fsecret.jpg", "a.jpg", "0/../../secret.jpg"):
+    for path, status in (
+        ("5", 404),
+        ("-1", 422),
+        ("a.jpg", 422),
+        ("../secret.jpg", 404),
+        ("%2e%2e%2fsecret.jpg", 404),
+        ("0/../../secret.jpg", 404),
+    ):
         for end in ("", "/image.jpg"):
-            assert client.get(f"/v1/pictures/{path}{end}").status_code in (404, 422), path
+            assert client.get(f"/v1/pictures/{path}{end}").status_code == status, path
 
 
 def test_others_may_not_enter(site: Path, desk: Desk) -> None:
@@ -207,4 +214,4 @@ def test_made_up_requests_get_documented_answers(site: Path, desk: Desk) -> None
     assert tried >= 40
     for body in (b"\xff\xfe", b"{", b"[]", b'{"marks": NaN, "revision": ""}'):
         answer = served.client.put("/v1/pictures/0", content=body)
-        assert answer.status_code in (400, 422), answer.text
+        assert answer.status_code == 422, answer.text
