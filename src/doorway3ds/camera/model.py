@@ -232,8 +232,9 @@ def ray_to_pixel(camera: Camera, rays: ArrayLike) -> Array:
     return np.stack([x * camera.fx + camera.cx, y * camera.fy + camera.cy], axis=-1)
 
 
+@lru_cache(maxsize=8)
 def rotation(pose: Pose) -> Array:
-    """(3, 3) matrix that takes camera-frame vectors into the robot frame."""
+    """(3, 3) matrix that takes camera-frame vectors into the robot frame, cached and read-only."""
     yaw, pitch, roll = np.radians([pose.yaw_deg, pose.pitch_deg, pose.roll_deg])
     cy, sy = np.cos(yaw), np.sin(yaw)
     cp, sp = np.cos(pitch), np.sin(pitch)
@@ -242,7 +243,9 @@ def rotation(pose: Pose) -> Array:
     nod = np.array([[cp, 0, -sp], [0, 1, 0], [sp, 0, cp]])  # + up: REP-103's turn about y, negated
     tilt = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
     axes = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
-    return np.asarray(turn @ nod @ tilt @ axes, dtype=np.float64)
+    matrix = np.asarray(turn @ nod @ tilt @ axes, dtype=np.float64)
+    matrix.flags.writeable = False
+    return matrix
 
 
 def bearing_elevation(vectors_robot: ArrayLike) -> tuple[Array, Array]:

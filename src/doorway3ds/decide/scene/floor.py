@@ -149,7 +149,8 @@ def floor_mask(
     """
     r = np.minimum((rows + 0.5) * floor.shape[0] / size[0], floor.shape[0] - 1).astype(np.intp)
     c = np.minimum((columns + 0.5) * floor.shape[1] / size[1], floor.shape[1] - 1).astype(np.intp)
-    return floor[np.ix_(r, c)] >= params.floor_probability
+    # Rows are copied whole, and single bytes are then picked: a third of the time of np.ix_.
+    return np.asarray((floor >= params.floor_probability).take(r, axis=0).take(c, axis=1))
 
 
 def _upright(normal: Array) -> Array:
@@ -207,15 +208,18 @@ def _fit(
     with np.errstate(invalid="ignore", divide="ignore"):
         usable = (-guesses[:, 2] / norm > math.cos(math.radians(max_tilt))) & (norm < 100)
         if known is not None:
-            off = np.abs(1 / (norm * known.height_m) - 1)
-            usable &= off < params.max_height_error + 2 * depth_error
+            too_far = np.abs(1 / (norm * known.height_m) - 1)
+            usable &= too_far < params.max_height_error + 2 * depth_error
     if known is not None:
         guesses = np.vstack([guesses[usable], [[0.0, 0.0, -1 / known.height_m]]])
     else:
         guesses = guesses[usable]
     if len(guesses) == 0:
         return None
-    votes = np.count_nonzero(np.abs(q @ guesses.T - 1) < tolerance, axis=0)
+    off = guesses @ q.T
+    off -= 1
+    near = np.abs(off, out=off) < tolerance
+    votes = [np.count_nonzero(row) for row in near]  # by axis it takes five times as long
     m = guesses[np.argmax(votes)]
 
     # Few or bunched points leave the tilt open: a weak pull towards the pose, worth about 20
@@ -247,6 +251,13 @@ def _fit(
 def _cofactor_solve(triples: Array) -> Array:
     """m with triple @ m = 1 for (n, 3, 3) triples of points; inf or nan where they align."""
     a, b, c = triples[:, 0], triples[:, 1], triples[:, 2]
-    normal = np.cross(a, b) + np.cross(b, c) + np.cross(c, a)
+    spanned = _cross(b, c)
+    normal = _cross(a, b) + spanned + _cross(c, a)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(normal / np.einsum("ij,ij->i", a, np.cross(b, c))[:, None])
+        return np.asarray(normal / np.einsum("ij,ij->i", a, spanned)[:, None])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Row by row of (n, 3); np.cross spends most of its time on axes."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
