@@ -52,6 +52,15 @@ class Board:
             )
 
 
+@dataclass(frozen=True)
+class BoardView:
+    """One image's board points (n, 3) in metres and their pixels (n, 2)."""
+
+    name: str
+    points: Corners
+    corners: Corners
+
+
 def find_corners(image: NDArray[np.uint8], board: Board) -> tuple[Corners, Corners] | None:
     """Board points (n, 3) in metres and their pixels (n, 2) in a picture, None without a board.
 

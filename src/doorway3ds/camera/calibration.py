@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera.board import Board, Corners, find_corners
+from doorway3ds.camera.board import Board, BoardView, find_corners
 from doorway3ds.camera.lens import MODELS
 from doorway3ds.camera.model import Camera, pixel_to_ray, ray_to_pixel
 from doorway3ds.errors import UserError
@@ -53,10 +53,8 @@ def calibrate(
     Raises UserError if sizes differ, fewer than three pictures show the board, or the result is no
     camera.
     """
-    import cv2
-
     size: tuple[int, int] | None = None
-    views: list[_View] = []
+    views: list[BoardView] = []
     without: list[str] = []
     for picture, image in pictures:
         height, width = image.shape[:2]
@@ -70,13 +68,26 @@ def calibrate(
         if found is None:
             without.append(picture)
         else:
-            views.append(_View(picture, *found))
+            views.append(BoardView(picture, *found))
     if size is None or len(views) < MIN_PICTURES:
         raise UserError(
             f"the board of {board.columns}x{board.rows} was found in {len(views)} of "
             f"{len(views) + len(without)} pictures, at least {MIN_PICTURES} are needed; check "
             "--board (a chessboard counts inner corners, ChArUco counts squares) and the light"
         )
+    return calibrate_views(views, size, name, model, tuple(without))
+
+
+def calibrate_views(
+    views: Sequence[BoardView],
+    size: tuple[int, int],
+    name: str,
+    model: str | None = None,
+    without: tuple[str, ...] = (),
+) -> Calibration:
+    """`calibrate` for boards already found in images of `size` (width, height), and `without`."""
+    import cv2
+
     fits: dict[str, Camera] = {}
     for candidate in (model,) if model else _BY_SIMPLICITY:
         camera = _fit(views, size, candidate, name)
@@ -95,19 +106,10 @@ def calibrate(
     rms = math.sqrt(np.average(np.square(list(errors.values())), weights=counts))
     hull = cv2.convexHull(np.concatenate(corners))
     coverage = float(cv2.contourArea(hull)) / (size[0] * size[1])
-    return Calibration(camera, rms, errors, tuple(without), coverage, scores)
+    return Calibration(camera, rms, errors, without, coverage, scores)
 
 
-@dataclass(frozen=True)
-class _View:
-    """One picture's board points (n, 3) in metres and their pixels (n, 2)."""
-
-    name: str
-    points: Corners
-    corners: Corners
-
-
-def _fit(views: Sequence[_View], size: tuple[int, int], model: str, name: str) -> Camera | None:
+def _fit(views: Sequence[BoardView], size: tuple[int, int], model: str, name: str) -> Camera | None:
     """The camera of these views by OpenCV; None if they do not determine one."""
     import cv2
 
@@ -144,7 +146,7 @@ def _fit(views: Sequence[_View], size: tuple[int, int], model: str, name: str) -
         return None
 
 
-def _error(camera: Camera, view: _View) -> float:
+def _error(camera: Camera, view: BoardView) -> float:
     """RMS distance in pixels between a view's corners and where the camera expects them."""
     import cv2
 
@@ -157,7 +159,7 @@ def _error(camera: Camera, view: _View) -> float:
     return float(np.sqrt(np.mean(np.sum(off * off, axis=1))))
 
 
-def _held_out_error(views: Sequence[_View], size: tuple[int, int], model: str) -> float:
+def _held_out_error(views: Sequence[BoardView], size: tuple[int, int], model: str) -> float:
     """RMS over all views of the error in each by a camera fitted to others; inf if there is none.
 
     With fewer views than leave three to fit to, the error of the fit itself.

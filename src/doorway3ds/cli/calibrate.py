@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from urllib.parse import urlsplit
 
 import typer
 
@@ -16,8 +18,12 @@ from doorway3ds.errors import CallError, UserError
 from doorway3ds.options import Options, setting
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from doorway3ds.camera.board import Board
     from doorway3ds.camera.calibration import Calibration
+    from doorway3ds.camera.guide import Guide
+    from doorway3ds.camera.model import Camera
 
 _MODELS = {
     "plumb_bob": "plumb_bob",
@@ -81,7 +87,10 @@ class BoardOptions(Options):
 def calibrate(
     pattern: BoardOptions,
     images: Annotated[
-        list[str] | None, typer.Argument(metavar="IMAGES...", help="Images or folders of them.")
+        list[str] | None,
+        typer.Argument(
+            metavar="IMAGES...", help="Images, folders of them, or one webcam, stream or film."
+        ),
     ] = None,
     model: Annotated[
         str | None,
@@ -102,6 +111,9 @@ def calibrate(
     Ten to twenty sharp images of a flat board, tilted, at several distances, also near the
     image's corners. `3ds look --camera camera.yaml` then uses the file. --board-pdf prints a board.
 
+    Of a webcam (webcam://0), a stream or a film frames are taken as soon as the board is sharp,
+    still and in a new place; it ends when they suffice, or with what there is on Ctrl-C.
+
     Example: 3ds calibrate board/*.jpg --board 9x6 --out camera.yaml
     """
     if model is not None and model not in _MODELS:
@@ -115,23 +127,147 @@ def calibrate(
     if not images:
         raise CallError("name images of a board, or --board-pdf FILE to print one")
 
+    lens = None if model is None else _MODELS[model]
+    if len(images) == 1 and _is_source(images[0]):
+        _report(_guided(images[0], board, name or out.stem, lens), out)
+        return
+
     from doorway3ds.camera.calibration import calibrate as run
     from doorway3ds.cli.shared.inputs import expand as images_of
 
     inputs, errors = images_of(images)
     if errors:
         raise UserError(errors[0])
-    found = run(
-        _pictures(inputs), board, name or out.stem, None if model is None else _MODELS[model]
-    )
-    _report(found, out)
+    _report(run(_pictures(inputs), board, name or out.stem, lens), out)
+
+
+def _is_source(name: str) -> bool:
+    """Whether it is something that goes on, rather than images."""
+    from doorway3ds.images.codec import SUFFIXES, is_image
+
+    path = Path(urlsplit(name).path if "://" in name else name)
+    if path.suffix.lower() in SUFFIXES:
+        return False
+    return "://" in name or (path.is_file() and not is_image(path))
+
+
+def _guided(uri: str, board: Board, name: str, model: str | None) -> Calibration:
+    """Takes frames of a source until they suffice, it ends, or Ctrl-C."""
+    from doorway3ds.camera.calibration import MIN_PICTURES, calibrate_views
+    from doorway3ds.camera.choice import default_camera
+    from doorway3ds.camera.guide import Guide
+    from doorway3ds.sources import SourceLost, open_source
+
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    made: list[Camera] = []
+
+    def sensor(width: int, height: int, focal_35mm: float | None) -> Camera:
+        # Off its middle, so that no turn leaves it the same.
+        made[:] = [replace(default_camera(width, height, focal_35mm), cx=width / 4, cy=height / 3)]
+        return made[0]
+
+    guide = Guide(board)
+    with open_source(uri, camera=sensor) as source, _Shown(guide, source.name) as shown:
+        source.notice = shown.say
+        try:
+            for number, frame in enumerate(source, 1):
+                if frame.camera != made[0]:
+                    raise UserError(
+                        f"{source.name} is turned upright by its metadata, and a camera file is of "
+                        "the sensor; film without a turn, or calibrate with still images"
+                    )
+                shown.update(guide.look(f"frame {number}", frame.image, frame.stamp_s))
+                if not guide.missing:
+                    break
+        except KeyboardInterrupt:
+            pass  # with what there is
+        except SourceLost as error:
+            if len(guide.views) < MIN_PICTURES:
+                raise
+            shown.say(str(error))
+    if guide.size is None or len(guide.views) < MIN_PICTURES:
+        raise UserError(
+            f"{len(guide.views)} frames with the board were taken, at least {MIN_PICTURES} are "
+            f"needed; of the last one: {guide.hint}; check --board, too"
+        )
+    if guide.missing:
+        sys.stderr.write(f"3ds: coverage is not complete; next would be: {guide.missing}\n")
+    return calibrate_views(guide.views, guide.size, name, model)
+
+
+class _Shown:
+    """How far a guide is: in one place of a terminal, elsewhere a line for each frame taken."""
+
+    def __init__(self, guide: Guide, title: str) -> None:
+        from rich.console import Console
+        from rich.live import Live
+
+        self._guide, self._title = guide, title
+        self._console = Console()
+        utf = self._console.encoding.lower().startswith("utf")
+        self._marks = ("■", "·") if utf else ("#", ".")
+        self._live = Live(console=self._console, auto_refresh=False) if _watched() else None
+
+    def __enter__(self) -> _Shown:
+        if self._live is not None:
+            self._live.start()
+            self.update(False)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def update(self, taken: bool) -> None:
+        if self._live is not None:
+            self._live.update(self._panel(), refresh=True)
+        elif taken:
+            from doorway3ds.camera.guide import COLUMNS, ROWS
+
+            guide = self._guide
+            typer.echo(
+                f"{guide.views[-1].name} taken: zones {len(guide.zones)} of {COLUMNS * ROWS}, "
+                f"tilts {self._tilts()}, distances x{guide.spread:.1f}"
+            )
+
+    def say(self, line: str) -> None:
+        if self._live is not None:
+            self._console.print(line, markup=False)
+        else:
+            sys.stderr.write(f"3ds: {line}\n")
+
+    def _tilts(self) -> str:
+        from doorway3ds.camera.guide import TILTS
+
+        return " ".join(side for side in TILTS if side in self._guide.tilts) or "none"
+
+    def _panel(self) -> RenderableType:
+        from rich.panel import Panel
+        from rich.table import Table
+
+        from doorway3ds.camera.guide import COLUMNS, FEWEST, ROWS, SPREAD, TILTS
+
+        guide, (full, blank) = self._guide, self._marks
+        zones = [full if zone in guide.zones else blank for zone in range(COLUMNS * ROWS)]
+        rows = [" ".join(zones[row * COLUMNS :][:COLUMNS]) for row in range(ROWS)]
+        lines = Table.grid(padding=(0, 2))
+        lines.add_row("zones", "\n".join(rows))
+        lines.add_row("tilts", f"{self._tilts()} (of {' '.join(TILTS)})")
+        lines.add_row("distances", f"x{guide.spread:.1f} (of x{SPREAD:g})")
+        lines.add_row("frames", f"{len(guide.views)} (of {FEWEST})")
+        lines.add_row("now", guide.hint)
+        return Panel(lines, title=self._title, subtitle="Ctrl-C: calibrate with these", width=70)
+
+
+def _watched() -> bool:
+    return sys.stdout is not None and sys.stdout.isatty()
 
 
 def _print_board(board: Board, options: str, path: Path) -> None:
     from doorway3ds.camera.board import RULER_MM, printable
     from doorway3ds.files import write_bytes
 
-    call = f"3ds calibrate IMAGES... {options}"
+    call = f"3ds calibrate webcam://0 {options}"
     check = f"Print at 100 %: this line must measure {RULER_MM} mm. Then glue it to something flat."
     write_bytes(path, printable(board, (check, call)))
     typer.echo(f"wrote {path}; print it on A4 at 100 % and check its ruler, then: {call}")
