@@ -153,12 +153,16 @@ def _is_source(name: str) -> bool:
 
 def _guided(uri: str, board: Board, name: str, model: str | None) -> Calibration:
     """Takes frames of a source until they suffice, it ends, or Ctrl-C."""
+    import cv2
+
     from doorway3ds.camera.calibration import MIN_PICTURES, calibrate_views
     from doorway3ds.camera.choice import default_camera
     from doorway3ds.camera.guide import Guide
     from doorway3ds.sources import SourceLost, open_source
 
+    # OpenCV and libav write warnings of their own for every hiccup of a camera or stream.
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     made: list[Camera] = []
 
     def sensor(width: int, height: int, focal_35mm: float | None) -> Camera:
