@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 from datetime import datetime
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,25 +18,33 @@ RESULTS = Path("benchmarks/results")
 PAPER = ("cnn-srin", "densedepth")
 
 
+class Against(StrEnum):
+    PAPER = "paper"
+    PEERS = "peers"
+
+
 def bench(
     network: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME[+NAME]", help="Up to two, side by side; default doornet."),
     ] = None,
-    against_paper: Annotated[
-        bool,
+    against: Annotated[
+        Against | None,
         typer.Option(
-            "--against-paper",
-            help="One network beside the paper's pair; untrained files of the same size stand in "
-            "for those of the pair that are not installed (needs the extra train).",
+            help="One network beside the paper's pair, or beside what would be taken today: a "
+            "detector of YOLOv8n's size and a depth network of Depth Anything V2 small's. "
+            "Untrained files stand in for what is not installed (needs the extra train).",
         ),
+    ] = None,
+    against_paper: Annotated[
+        bool, typer.Option("--against-paper", help="The same as --against paper.")
     ] = False,
     image: Annotated[
         Path | None, typer.Option(help="A picture; default: a made-up 640x480 JPEG.")
     ] = None,
     repeat: Annotated[
         int | None,
-        typer.Option(help="Decisions per network.  [default: 200; 20 with --against-paper]"),
+        typer.Option(help="Decisions per network.  [default: 200; 20 with --against]"),
     ] = None,
     starts: Annotated[int, typer.Option(help="Cold starts per network; 0 leaves them out.")] = 5,
     threads: Annotated[int | None, typer.Option(min=1, help="For the networks.")] = None,
@@ -48,11 +57,15 @@ def bench(
     Example: 3ds bench --repeat 50
     """
     networks = network or ["doornet"]
-    if len(networks) > (1 if against_paper else 2):
-        allowed = "once with --against-paper" if against_paper else "once or twice"
+    if against_paper:
+        if against is Against.PEERS:
+            raise CallError("--against peers and --against-paper exclude each other; give one")
+        against = Against.PAPER
+    if len(networks) > (1 if against else 2):
+        allowed = f"once with --against {against}" if against else "once or twice"
         raise CallError(f"--network may be given {allowed}, got {len(networks)} times")
     if repeat is None:
-        repeat = 20 if against_paper else 200
+        repeat = 20 if against else 200
     require_range("--repeat", repeat, 3, 100_000)
     require_range("--starts", starts, 0, 1000)
 
@@ -64,12 +77,16 @@ def bench(
     height, width = read_image(source).image.shape[:2]
     data = source if isinstance(source, bytes) else source.read_bytes()
     with tempfile.TemporaryDirectory() as folder:
-        if against_paper:
+        peers = None
+        if against is Against.PAPER:
             networks = [_paper_pair(Path(folder)), *networks]
-        results = benchmark.measure_decisions(networks, data, repeat, threads)
+        elif against is Against.PEERS:
+            peers = _peers(Path(folder), threads)
+        results = benchmark.measure_decisions(networks, data, repeat, threads, peers)
         for result in results:
-            result["process"] = benchmark.measure_starts(result, data, starts) if starts else None
-        if against_paper:
+            alone = not starts or result["name"] == getattr(peers, "name", None)
+            result["process"] = None if alone else benchmark.measure_starts(result, data, starts)
+        if against is Against.PAPER:
             results[0]["name"] = "+".join(PAPER)
     report: dict[str, Any] = {
         "date": datetime.now().astimezone().isoformat(timespec="seconds"),
@@ -99,3 +116,15 @@ def _paper_pair(folder: Path) -> str:
             write_untrained(name, path)
         parts.append(str(path))
     return "+".join(parts)
+
+
+def _peers(folder: Path, threads: int | None) -> Any:
+    """A detector and a depth network of today, made in `folder`."""
+    from doorway3ds.lab.peers import Peers
+
+    try:
+        return Peers(folder, threads)
+    except ModuleNotFoundError as error:
+        raise CallError(
+            f"--against peers needs {error.name}; pip install 'doorway3ds[train]'"
+        ) from error

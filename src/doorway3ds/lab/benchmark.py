@@ -8,7 +8,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.errors import UserError
+from doorway3ds.lab.peers import Peers
 from doorway3ds.networks import Joined, Network, load
 from doorway3ds.networks.session import available_providers, available_threads
 
@@ -74,38 +75,54 @@ def made_up_film(path: Path, fps: float = 30.0, seconds: float = 20.0) -> Path:
 
 
 def measure_decisions(
-    names: Sequence[str], data: bytes, repeat: int, threads: int | None
+    names: Sequence[str],
+    data: bytes,
+    repeat: int,
+    threads: int | None,
+    peers: Peers | None = None,
 ) -> list[dict[str, Any]]:
     """Milliseconds from the file's bytes to the decision, by stage, for each network.
 
     Networks that give no opening columns run the `paper` method.
+    peers: take turns with them, and come first in what is returned.
     """
     pipelines = []
     for name in names:
         network = load(name, threads=threads)
         method = "opening" if "columns" in network.gives else "paper"
         pipelines.append(Pipeline(network, "opening" if method == "opening" else "paper"))
-    spent: list[list[dict[str, float]]] = [[] for _ in names]
+    said = [
+        {"name": name, "weights": weights(pipeline.network), "method": pipeline.method}
+        for name, pipeline in zip(names, pipelines, strict=True)
+    ]
+    runs: list[Callable[[bytes], Mapping[str, float]]] = [_stages(p) for p in pipelines]
+    if peers is not None:
+        said.insert(0, {"name": peers.name, "weights": peers.weights, "method": peers.method})
+        runs.insert(0, peers)
+    spent: list[list[dict[str, float]]] = [[] for _ in runs]
     for turn in range(_WARM_UP + repeat):
-        for pipeline, samples in zip(pipelines, spent, strict=True):
+        for run, samples in zip(runs, spent, strict=True):
             start = time.perf_counter()
-            decision = pipeline(data)
+            stages = run(data)
             total = (time.perf_counter() - start) * 1e3
             if turn >= _WARM_UP:
-                samples.append({**decision.timings_ms, "total": total})
+                samples.append({**stages, "total": total})
     return [
         {
-            "name": name,
-            "weights": weights(pipeline.network),
-            "method": pipeline.method,
+            **what,
             "stages_ms": {
                 stage: _summary([sample[stage] for sample in samples])
                 for stage in (*STAGES, "total")
+                if stage in samples[0]
             },
             "samples_ms": [round(sample["total"], 4) for sample in samples],
         }
-        for name, pipeline, samples in zip(names, pipelines, spent, strict=True)
+        for what, samples in zip(said, spent, strict=True)
     ]
+
+
+def _stages(pipeline: Pipeline) -> Callable[[bytes], Mapping[str, float]]:
+    return lambda data: pipeline(data).timings_ms
 
 
 def weights(network: Network) -> str:

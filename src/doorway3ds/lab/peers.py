@@ -1,0 +1,244 @@
+"""What a user would take instead of doornet today: a small detector and a depth network.
+
+Both are built from published architecture figures, with random weights: only their timing means
+anything. The detector is of YOLOv8n's shape (https://docs.ultralytics.com/models/yolov8: 3.2
+million parameters, 640x640), the depth network of Depth Anything V2 small's (arXiv 2406.09414:
+ViT-S/14 and a DPT head, 24.8 million parameters, 518x518).
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doorway3ds.images.codec import read_image
+from doorway3ds.networks.adapter import squeeze
+from doorway3ds.networks.session import Session
+
+DETECTOR_SIDE, DEPTH_SIDE = 640, 518
+_STRIDES = ("stride8", "stride16", "stride32")
+_PATCH, _WIDTH, _HEADS, _BLOCKS, _TAPS = 14, 384, 6, 12, (2, 5, 8, 11)
+
+
+class Peers:
+    """Both networks on one image, without the detector's suppression of doubles or a decision.
+
+    folder: where their ONNX files are written. threads: as `Session` takes them.
+
+    Raises ModuleNotFoundError without the extra train.
+    """
+
+    name = "detector+depth"
+    method = "networks alone"
+    weights = "random"
+
+    def __init__(self, folder: Path, threads: int | None = None) -> None:
+        self._parts = []
+        for build, side, outputs in (
+            (detector, DETECTOR_SIDE, _STRIDES),
+            (partial(depth_network, DEPTH_SIDE), DEPTH_SIDE, ("depth",)),
+        ):
+            path = folder / f"{outputs[-1]}.onnx"
+            write(build, side, outputs, path)
+            session = Session(path, [(1, 3, side, side)], outputs, threads=threads)
+            self._parts.append((session, side))
+
+    def __call__(self, data: bytes) -> dict[str, float]:
+        """Milliseconds by stage for an image file's bytes."""
+        times = [time.perf_counter()]
+        image = read_image(data).image
+        times.append(time.perf_counter())
+        inputs = [_input(image, side) for _, side in self._parts]
+        times.append(time.perf_counter())
+        for (session, _), value in zip(self._parts, inputs, strict=True):
+            session.run(value)
+        times.append(time.perf_counter())
+        spent = np.diff(times) * 1e3
+        return dict(zip(("decode", "prepare", "network"), spent.tolist(), strict=True))
+
+
+def _input(image: NDArray[np.uint8], side: int) -> NDArray[np.float32]:
+    tensor = squeeze(image, side, side, channels_last=False)
+    tensor /= np.float32(255)
+    return tensor
+
+
+def write(build: Callable[[], Any], side: int, outputs: Sequence[str], path: Path) -> None:
+    """A network's ONNX file with random weights, always the same; input "image" (1, 3, side, side).
+
+    Raises ModuleNotFoundError without the extra train.
+    """
+    import torch
+
+    with torch.random.fork_rng(devices=[]), torch.no_grad(), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of sizes that tracing fixes: there is only this one
+        torch.manual_seed(0)
+        torch.onnx.export(
+            build().eval(),
+            (torch.rand(1, 3, side, side),),
+            str(path),
+            input_names=["image"],
+            output_names=list(outputs),
+            opset_version=17,
+            dynamo=False,
+        )
+
+
+def detector(classes: int = 80, bins: int = 16) -> Any:
+    """A torch module of YOLOv8n's shape: image to three maps (1, 4 * bins + classes, h, w).
+
+    Batch norms count as taken into the convolutions before them, as exporters do.
+    """
+    import torch
+    from torch import nn
+
+    def conv(inside: int, outside: int, kernel: int = 3, stride: int = 1) -> Any:
+        return nn.Sequential(nn.Conv2d(inside, outside, kernel, stride, kernel // 2), nn.SiLU())
+
+    class Split(nn.Module):  # type: ignore[misc]
+        """C2f: half of the channels pass `depth` bottlenecks, and every step is kept."""
+
+        def __init__(self, inside: int, outside: int, depth: int, skip: bool) -> None:
+            super().__init__()
+            half = outside // 2
+            self.first, self.skip = conv(inside, outside, 1), skip
+            self.steps = nn.ModuleList(
+                nn.Sequential(conv(half, half), conv(half, half)) for _ in range(depth)
+            )
+            self.last = conv(half * (2 + depth), outside, 1)
+
+        def forward(self, x: Any) -> Any:
+            kept = list(self.first(x).chunk(2, 1))
+            for step in self.steps:
+                kept.append(kept[-1] + step(kept[-1]) if self.skip else step(kept[-1]))
+            return self.last(torch.cat(kept, 1))
+
+    class Detector(nn.Module):  # type: ignore[misc]
+        def __init__(self) -> None:
+            super().__init__()
+            self.p3 = nn.Sequential(
+                *(conv(3, 16, 3, 2), conv(16, 32, 3, 2), Split(32, 32, 1, True)),
+                *(conv(32, 64, 3, 2), Split(64, 64, 2, True)),
+            )
+            self.p4 = nn.Sequential(conv(64, 128, 3, 2), Split(128, 128, 2, True))
+            self.p5 = nn.Sequential(conv(128, 256, 3, 2), Split(256, 256, 1, True))
+            self.narrow, self.widen = conv(256, 128, 1), conv(512, 256, 1)
+            self.pool, self.up = nn.MaxPool2d(5, 1, 2), nn.Upsample(scale_factor=2)
+            self.up4, self.up3 = Split(384, 128, 1, False), Split(192, 64, 1, False)
+            self.down4, self.down5 = conv(64, 64, 3, 2), conv(128, 128, 3, 2)
+            self.out4, self.out5 = Split(192, 128, 1, False), Split(384, 256, 1, False)
+            self.heads = nn.ModuleList(
+                nn.Sequential(conv(inside, mid), conv(mid, mid), nn.Conv2d(mid, mid, 1))
+                for inside in (64, 128, 256)
+                for mid in (4 * bins, classes)
+            )
+
+        def forward(self, image: Any) -> Any:
+            p3 = self.p3(image)
+            p4 = self.p4(p3)
+            pooled = [self.narrow(self.p5(p4))]
+            for _ in range(3):
+                pooled.append(self.pool(pooled[-1]))
+            p5 = self.widen(torch.cat(pooled, 1))
+            p4 = self.up4(torch.cat([self.up(p5), p4], 1))
+            p3 = self.up3(torch.cat([self.up(p4), p3], 1))
+            p4 = self.out4(torch.cat([self.down4(p3), p4], 1))
+            p5 = self.out5(torch.cat([self.down5(p4), p5], 1))
+            return tuple(
+                torch.cat([self.heads[2 * i](x), self.heads[2 * i + 1](x)], 1)
+                for i, x in enumerate((p3, p4, p5))
+            )
+
+    return Detector()
+
+
+def depth_network(side: int, width: int = 64) -> Any:
+    """A torch module of Depth Anything V2 small's shape: image to depth (1, side, side).
+
+    side: of the image, a multiple of 14. width: channels of the DPT head.
+    """
+    import torch
+    from torch import nn
+    from torch.nn import functional
+
+    cells = side // _PATCH
+    levels = (48, 96, 192, 384)
+
+    class Block(nn.Module):  # type: ignore[misc]
+        """Attention and multilayer perceptron, as in every vision transformer."""
+
+        def __init__(self) -> None:
+            super().__init__()
+            self.before, self.between = nn.LayerNorm(_WIDTH), nn.LayerNorm(_WIDTH)
+            self.qkv, self.out = nn.Linear(_WIDTH, 3 * _WIDTH), nn.Linear(_WIDTH, _WIDTH)
+            self.perceptron = nn.Sequential(
+                nn.Linear(_WIDTH, 4 * _WIDTH), nn.GELU(), nn.Linear(4 * _WIDTH, _WIDTH)
+            )
+
+        def forward(self, x: Any) -> Any:
+            size = (1, cells * cells + 1, 3, _HEADS, _WIDTH // _HEADS)
+            q, k, v = self.qkv(self.before(x)).reshape(size).permute(2, 0, 3, 1, 4).unbind(0)
+            seen = (q * (_WIDTH // _HEADS) ** -0.5 @ k.transpose(-2, -1)).softmax(-1) @ v
+            x = x + self.out(seen.transpose(1, 2).reshape(1, -1, _WIDTH))
+            return x + self.perceptron(self.between(x))
+
+    def refine() -> Any:
+        layers = [nn.ReLU(), nn.Conv2d(width, width, 3, 1, 1)]
+        return nn.Sequential(*layers, nn.ReLU(), nn.Conv2d(width, width, 3, 1, 1))
+
+    def grow(x: Any, size: Any) -> Any:
+        return functional.interpolate(x, size, mode="bilinear", align_corners=True)
+
+    class Depth(nn.Module):  # type: ignore[misc]
+        def __init__(self) -> None:
+            super().__init__()
+            self.patches = nn.Conv2d(3, _WIDTH, _PATCH, _PATCH)
+            self.own = nn.Parameter(torch.zeros(1, 1, _WIDTH))
+            self.place = nn.Parameter(torch.zeros(1, cells * cells + 1, _WIDTH))
+            self.blocks = nn.ModuleList(Block() for _ in range(_BLOCKS))
+            self.norm = nn.LayerNorm(_WIDTH)
+            self.project = nn.ModuleList(nn.Conv2d(_WIDTH, n, 1) for n in levels)
+            self.scale = nn.ModuleList(
+                [
+                    nn.ConvTranspose2d(levels[0], levels[0], 4, 4),
+                    nn.ConvTranspose2d(levels[1], levels[1], 2, 2),
+                    nn.Identity(),
+                    nn.Conv2d(levels[3], levels[3], 3, 2, 1),
+                ]
+            )
+            self.same = nn.ModuleList(nn.Conv2d(n, width, 3, 1, 1, bias=False) for n in levels)
+            self.join = nn.ModuleList(refine() for _ in levels[:-1])
+            self.fuse = nn.ModuleList(refine() for _ in levels)
+            self.mix = nn.ModuleList(nn.Conv2d(width, width, 1) for _ in levels)
+            self.first = nn.Conv2d(width, width // 2, 3, 1, 1)
+            self.last = nn.Sequential(
+                *(nn.Conv2d(width // 2, 32, 3, 1, 1), nn.ReLU(), nn.Conv2d(32, 1, 1), nn.ReLU())
+            )
+
+        def forward(self, image: Any) -> Any:
+            patches = self.patches(image).flatten(2).transpose(1, 2)
+            x = torch.cat([self.own, patches], 1) + self.place
+            maps: list[Any] = []
+            for index, block in enumerate(self.blocks):
+                x = block(x)
+                if index in _TAPS:
+                    level = len(maps)
+                    cell = self.norm(x)[:, 1:].transpose(1, 2).reshape(1, _WIDTH, cells, cells)
+                    maps.append(self.same[level](self.scale[level](self.project[level](cell))))
+            y = maps[-1]
+            for level in (3, 2, 1, 0):
+                if level < 3:
+                    y = y + maps[level] + self.join[level](maps[level])
+                y = y + self.fuse[level](y)
+                size = maps[level - 1].shape[2:] if level else (8 * cells, 8 * cells)
+                y = self.mix[level](grow(y, size))
+            return self.last(grow(self.first(y), (side, side)))[:, 0]
+
+    return Depth()

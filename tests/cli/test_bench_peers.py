@@ -1,0 +1,39 @@
+"""`3ds bench --against peers`: a network beside what would be taken today."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from doorway3ds.lab import peers
+from tests.conftest import Cli
+
+
+def test_the_peers_take_turns_with_a_network(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("torch")
+    monkeypatch.setattr(peers, "DETECTOR_SIDE", 64)
+    monkeypatch.setattr(peers, "DEPTH_SIDE", 28)
+    options = ("--network", "net.onnx", "--repeat", 3, "--starts", 0, "--threads", 1)
+    ran = cli("bench", "--against", "peers", *options, "--out", "res")
+    assert ran.status == 0, ran.err
+    (path,) = Path("res").iterdir()
+    both, own = json.loads(path.read_text())["networks"]
+    assert list(both["stages_ms"]) == ["decode", "prepare", "network", "total"]
+    assert [len(one["samples_ms"]) for one in (both, own)] == [3, 3]
+    assert both["weights"] == "random"
+    assert "detector+depth (networks alone, random weights: only its timing" in ran.out
+    assert "detector+depth takes" in ran.out
+
+
+def test_peers_need_the_extra_and_exclude_the_paper(
+    cli: Cli, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ran = cli("bench", "--against", "peers", "--against-paper")
+    assert (ran.status, "exclude each other" in ran.err) == (2, True)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    ran = cli("bench", "--against", "peers", "--network", "net.onnx", "--repeat", 3)
+    assert ran.status == 2
+    assert "pip install 'doorway3ds[train]'" in ran.err
