@@ -26,6 +26,7 @@ def test_the_peers_take_turns_with_a_network(cli: Cli, monkeypatch: pytest.Monke
     assert both["weights"] == "random"
     assert "detector+depth (networks alone, random weights: only its timing" in ran.out
     assert "detector+depth takes" in ran.out
+    assert ran.out.count("budget") == 1  # the peers make no decision
 
 
 def test_peers_need_the_extra_and_exclude_the_paper(

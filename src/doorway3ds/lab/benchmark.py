@@ -230,10 +230,11 @@ def table(report: Mapping[str, Any]) -> str:
             lines.append(
                 f"  peak memory {process['peak_mb']:>10.0f} MB  (budget {BUDGET_PEAK_MB:g} MB)"
             )
-        lines.append(
-            f"  decision    {result['stages_ms']['total']['median']:>10.2f} ms  "
-            f"(budget {BUDGET_MS:g} ms for doornet on 640x480)"
-        )
+        if "decision" in result["stages_ms"]:
+            lines.append(
+                f"  decision    {result['stages_ms']['total']['median']:>10.2f} ms  "
+                f"(budget {BUDGET_MS:g} ms for doornet on 640x480)"
+            )
     if found := report["ratio"]:
         low, high = found["interval"]
         lines += [
