@@ -13,6 +13,7 @@ from urllib.parse import urlsplit
 
 import typer
 
+from doorway3ds.camera.options import LensOptions
 from doorway3ds.cli.shared.options import expand
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.options import Options, setting
@@ -86,6 +87,7 @@ class BoardOptions(Options):
 @expand
 def calibrate(
     pattern: BoardOptions,
+    lens: LensOptions,
     images: Annotated[
         list[str] | None,
         typer.Argument(
@@ -105,6 +107,12 @@ def calibrate(
         Path | None,
         typer.Option(metavar="FILE", help="Board to print on A4 at 100 %; nothing else is done."),
     ] = None,
+    check: Annotated[
+        str | None,
+        typer.Option(
+            metavar="IMAGE", help="Room whose edges check the focal length of --camera instead."
+        ),
+    ] = None,
 ) -> None:
     """Make a camera file from images of a chessboard or ChArUco board.
 
@@ -118,6 +126,13 @@ def calibrate(
     """
     if model is not None and model not in _MODELS:
         raise CallError(f"--model must be one of {', '.join(_MODELS)}, got '{model}'")
+    if check is not None:
+        if images or board_pdf is not None or lens == LensOptions():
+            raise CallError("--check IMAGE takes --camera or --fov-deg to check, and nothing else")
+        _check(check, lens)
+        return
+    if lens != LensOptions():
+        raise CallError("--camera and --fov-deg name a camera to check; add --check IMAGE")
     board = pattern.pattern()
     if board_pdf is not None:
         if images:
@@ -127,9 +142,9 @@ def calibrate(
     if not images:
         raise CallError("name images of a board, or --board-pdf FILE to print one")
 
-    lens = None if model is None else _MODELS[model]
+    kind = None if model is None else _MODELS[model]
     if len(images) == 1 and _is_source(images[0]):
-        _report(_guided(images[0], board, name or out.stem, lens), out)
+        _report(_guided(images[0], board, name or out.stem, kind), out)
         return
 
     from doorway3ds.camera.calibration import calibrate as run
@@ -138,7 +153,34 @@ def calibrate(
     inputs, errors = images_of(images)
     if errors:
         raise UserError(errors[0])
-    _report(run(_pictures(inputs), board, name or out.stem, lens), out)
+    _report(run(_pictures(inputs), board, name or out.stem, kind), out)
+
+
+def _check(name: str, lens: LensOptions) -> None:
+    """Says how far the camera's focal length is from that of a room's edges."""
+    from doorway3ds.camera.choice import choose_camera
+    from doorway3ds.camera.vanishing import check_focal
+    from doorway3ds.images.codec import read_image
+    from doorway3ds.sources.base import View
+
+    frame = View(choose_camera(lens).fit).of_picture(read_image(name))
+    found = check_focal(frame.image, frame.camera)
+    if found is None:
+        raise UserError(
+            f"the lines of {name} do not tell a focal length; take a room's corner or a wall at a "
+            "slant, with long edges in all three directions"
+        )
+    fx = frame.camera.fx
+    typer.echo(
+        f"{name}: its lines fit a focal length of {fx * found.factor:.0f} px "
+        f"({fx * found.low:.0f} to {fx * found.high:.0f}); {frame.camera.name} has {fx:.0f}, "
+        f"deviation {1 / found.factor - 1:+.0%}" + ("; they agree" if found.agrees else "")
+    )
+    if not found.agrees:
+        raise UserError(
+            f"{frame.camera.name} does not fit the lines of {name}; check that the camera is this "
+            "one, not zoomed or cropped, or calibrate it"
+        )
 
 
 def _is_source(name: str) -> bool:
