@@ -49,3 +49,16 @@ def test_a_block_runs_as_it_stands(commands: str, tmp_path: Path) -> None:
     )
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout.strip()
+
+
+def test_the_python_files_that_the_documentation_names_exist() -> None:
+    roots = (ROOT, ROOT / "src", ROOT / "src" / "doorway3ds")
+    named = [
+        (page.name, name)
+        for page in [ROOT / "README.md", *PAGES]
+        for name in re.findall(r"`([\w-]+(?:/[\w-]+)+\.py)`", page.read_text(encoding="utf-8"))
+    ]
+    assert len(named) >= 5
+    assert [
+        (page, name) for page, name in named if not any((r / name).is_file() for r in roots)
+    ] == []

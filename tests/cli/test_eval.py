@@ -185,7 +185,7 @@ def test_a_camera_is_for_photographs_without_one(nyu, tmp_path, capsys):
     [
         ("--split 9", 2, "K/N"),
         ("--folds 5", 2, "2 to 2 folds"),
-        ("--split 1/2 --folds 2", 2, "give one of them"),
+        ("--split 1/2 --folds 2", 2, "pass one of them"),
         ("--network f{k}.onnx", 2, "stands for the fold"),
         ("--method best", 2, "got 'best'"),
         ("--layout jpeg", 2, "expected a layout"),

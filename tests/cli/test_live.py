@@ -155,7 +155,7 @@ def test_a_camera_that_goes_away_is_said_to_be_lost_and_ends(cli: Cli) -> None:
     assert "turn" in {line["tracked"]["reason"] for line in found}
     assert found[-1]["reason"] == "lost" and found[-1]["turn_deg"] is None
     assert found[-1]["tracked"]["reason"] == "lost" and found[-1]["problem"]
-    assert "is lost" in ran.err and "gave no picture for 1.5 s" in ran.err
+    assert "is lost" in ran.err and "sent no image for 1.5 s" in ran.err
 
 
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "background"])
@@ -220,11 +220,11 @@ def test_the_panel_stays_in_place_whatever_it_says(tmp_path: Path) -> None:
     range_line = next(line for line in turn if line.startswith("distance"))
     assert re.fullmatch(r"distance +2\.00 m, steady to 0\.\d\d m", range_line)
     assert any("15.8 ms: network 14.2, selection 1.6" in line for line in turn)
-    source.problem, source.skipped = "no picture for 5 s", 7
+    source.problem, source.skipped = "no image for 5 s", 7
     silent = tracker.without_picture(60.0)
     lost = shown(source, silent, width=80)
     assert "doorway lost" in lost[2] and any("7 skipped" in line for line in lost)
-    assert any("no picture for 5 s" in line for line in lost)
+    assert any("no image for 5 s" in line for line in lost)
     first = tracker.update(look(70.0, opening(-5)))
     unsure = shown(source, first, width=80)
     assert len(turn) == len(lost) == len(unsure)

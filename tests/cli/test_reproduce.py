@@ -58,7 +58,7 @@ def test_twelve_pictures_and_a_report(cli: Cli, twelve: Path) -> None:
 def test_wrong_calls_are_one_line(cli: Cli, twelve: Path) -> None:
     (twelve / "no-door" / "0.jpg").unlink()
     for call, status, message in (
-        (("--pictures", twelve), 1, "expected 12 pictures"),
+        (("--pictures", twelve), 1, "expected 12 images"),
         (("--pictures", "nowhere"), 1, "expected a folder"),
         (("--dataset", twelve), 2, "--dataset trains; add --out"),
         (("--pictures", twelve, "--fov-deg", 0), 2, "--fov-deg"),

@@ -85,7 +85,7 @@ def test_a_silent_camera_is_reported_once_and_decides_lost() -> None:
                 threading.Timer(0.6, session.stop).start()
     assert [u.fresh for u in updates] == [True, True, True, False]
     assert updates[-1].decision.reason is Reason.LOST
-    assert updates[-1].problem == "no picture comes"
+    assert updates[-1].problem == "no image arrives"
     assert session.lost() is not None
 
 

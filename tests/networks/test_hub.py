@@ -204,7 +204,7 @@ def test_another_signature_is_refused(place: Place, monkeypatch: pytest.MonkeyPa
 
 def test_what_the_hub_does_not_have(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
     reach(monkeypatch, f"{place.endpoint}/elsewhere")
-    with pytest.raises(UserError, match=r"does not give .*: status 404") as caught:
+    with pytest.raises(UserError, match=r"does not return .*: status 404") as caught:
         fetch(RELATIVE)
     assert str(FILE) in str(caught.value)
     assert "\n" not in str(caught.value)

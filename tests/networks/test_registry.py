@@ -86,7 +86,7 @@ def test_an_onnx_path_is_loaded_by_its_signature(tmp_path: Path, kind: str) -> N
 
 def test_needs_are_checked_before_any_picture(tmp_path: Path) -> None:
     path = factories.cnn_srin(tmp_path / "c.onnx")
-    with pytest.raises(CallError, match="gives p_open but columns is needed"):
+    with pytest.raises(CallError, match="returns p_open but columns is needed"):
         load(str(path), threads=1, needs=("p_open", "columns"))
 
 

@@ -68,4 +68,4 @@ def test_a_damaged_file_is_called_so(tmp_path: Path, data: bytes | None) -> None
     path = tmp_path / "network.onnx"
     onnx.save(model(), path)
     path.write_bytes(path.read_bytes()[:60] if data is None else data)
-    assert "it is damaged or no ONNX file" in refusal(path)
+    assert "it is damaged or not an ONNX file" in refusal(path)

@@ -116,7 +116,7 @@ def test_damaged_bags_are_refused_in_one_line(tmp_path: Path, kind: str) -> None
 
 def test_other_files_are_no_bags(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("nothing")
-    with pytest.raises(UserError, match=r"notes.txt is no bag; expected .bag, .mcap"):
+    with pytest.raises(UserError, match=r"notes.txt is not a bag; expected .bag, .mcap"):
         open_source(f"bag://{tmp_path}/notes.txt")
     with pytest.raises(UserError, match="does not exist"):
         open_source(f"bag://{tmp_path}/missing.bag")

@@ -120,14 +120,14 @@ def test_unplugged_and_back() -> None:
         assert next(source).image.shape == (48, 64, 3)
     assert source.reconnects == 1
     assert [camera.released for camera in cameras] == [1, 1, 1, 1]
-    assert len(lines) == 2 and "lost: no picture comes" in lines[0] and "is back" in lines[1]
+    assert len(lines) == 2 and "lost: no image arrives" in lines[0] and "is back" in lines[1]
 
 
 def test_gone_for_good_ends_with_one_line() -> None:
     cameras = itertools.chain([Webcam(lasts=3)], (Webcam(there=False) for _ in itertools.count()))
     with open_source("webcam://0", capture=lambda device: next(cameras), patience_s=0.3) as source:
         start = time.monotonic()
-        with pytest.raises(SourceLost, match=r"webcam://0 gave no picture for 0\.3 s"):
+        with pytest.raises(SourceLost, match=r"webcam://0 sent no image for 0\.3 s"):
             list(source)
         assert time.monotonic() - start < 2
         assert source.ended and source.read() is None
@@ -140,7 +140,7 @@ def test_a_driver_that_hangs_is_noticed_and_does_not_block_the_close() -> None:
     camera.hang.clear()
     wait_until(lambda: source.read(0.05) is None)
     wait_until(lambda: source.read(0.05) is None and source.problem is not None)
-    with pytest.raises(SourceLost, match="no picture comes"):
+    with pytest.raises(SourceLost, match="no image arrives"):
         list(source)
     start = time.monotonic()
     source.close()
@@ -157,7 +157,7 @@ def test_a_picture_that_a_decoder_held_back_is_not_taken_for_new(
     capture = OpenCvCapture(late, "a camera")
     late.gap_s = 0.4
     assert capture.read() is not None  # a camera may take its time to begin
-    with pytest.raises(UserError, match="no picture for"):
+    with pytest.raises(UserError, match="no image for"):
         capture.read()
 
 
@@ -278,7 +278,7 @@ def test_a_stream_of_damaged_pictures_is_lost_once_patience_ends() -> None:
         source.notice = notices.append
         assert next(source) is not None
         server.damage = True
-        with pytest.raises(SourceLost, match=r"gave no picture for 0\.5 s: a picture of .* has no"):
+        with pytest.raises(SourceLost, match=r"sent no image for 0\.5 s: an image of .* has no"):
             for _ in source:
                 pass
     assert source.damaged > 5 and sum("left out" in line for line in notices) == 1

@@ -90,9 +90,9 @@ def test_paced_and_looped(folder: Path) -> None:
         ("webcam://0?zoom=2", "no option 'zoom'; expected width, height, fps", CallError),
         ("http:///video", "expected http://HOST", CallError),
         ("http://host:99999/video", "expected http://HOST", CallError),
-        ("http://[host/video", "is no address", CallError),
+        ("http://[host/video", "is not an address", CallError),
         ("http://me:secret@host:99999/v", "http://me:***@host:99999/v: expected", CallError),
-        ("http://me:secret@[host/v", "http://***@[host/v is no address", CallError),
+        ("http://me:secret@[host/v", "http://***@[host/v is not an address", CallError),
     ],
 )
 def test_what_names_no_source_is_said_in_one_line(

@@ -46,7 +46,7 @@ def read_camera_info(path: str | Path) -> Camera:
     """
 
     def wrong(what: str) -> UserError:
-        return UserError(f"{path} is no usable camera_info file: {what}")
+        return UserError(f"{path} is not a usable camera_info file: {what}")
 
     try:
         info = parse(Path(path).read_bytes())

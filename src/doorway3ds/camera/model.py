@@ -110,7 +110,7 @@ class Camera:
         off_height = abs(height - self.height * width / self.width)
         if min(off_width, off_height) >= 1:
             raise UserError(
-                f"camera '{self.name}' is for {self.width}x{self.height} pictures and the picture "
+                f"camera '{self.name}' is for {self.width}x{self.height} images and the image "
                 f"is {width}x{height}, another aspect; give a camera calibrated at this aspect"
             )
         return self.stretched_to(width, height)

@@ -37,8 +37,7 @@ Networks = Annotated[
     list[str] | None,
     typer.Option(
         "--network",
-        help="NAME[+NAME] or FILE.onnx; may be repeated. {k} in it stands for the fold. "
-        "[default: doornet]",
+        help="NAME[+NAME] or FILE.onnx; repeatable. {k} stands for the fold. [default: doornet]",
     ),
 ]
 
@@ -49,7 +48,9 @@ def direction(
     data: Data,
     pictures: MarkOptions,
     report: ReportOptions,
-    method: Annotated[str, typer.Option(help="Methods, by commas.")] = "opening,paper",
+    method: Annotated[
+        str, typer.Option(help="Methods to compare, separated by commas.")
+    ] = "opening,paper",
     network: Networks = None,
     mirror: Mirror = False,
     answers: Annotated[
@@ -61,19 +62,20 @@ def direction(
         ),
     ] = None,
     truth_depth: Annotated[
-        bool, typer.Option("--truth-depth", help="True depth; columns stay the network's.")
+        bool, typer.Option("--truth-depth", help="Use true depth; the columns stay the network's.")
     ] = False,
     no_gate: Annotated[
-        bool, typer.Option("--no-gate", help="Take every picture for one with a doorway.")
+        bool, typer.Option("--no-gate", help="Assume every image shows a doorway.")
     ] = False,
     save_answers: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write every answer, one object a line.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Write every answer, one JSON object per line."),
     ] = None,
 ) -> None:
-    """Bearing, range, way and gates against marked openings, methods side by side.
+    """Measure bearing, range, way and gates against marked openings, methods side by side.
 
-    Where the data set tells what a picture without a doorway shows (closed door, window, mirror,
-    wardrobe ...), false alarms are told by kind.
+    If the data set names what an image without a doorway shows (closed door, window, mirror,
+    wardrobe ...), false alarms are reported by kind.
 
     --network none --truth-depth --method paper measures the paper's selection on true depth.
     """
@@ -126,9 +128,11 @@ def classifier(
     report: ReportOptions,
     network: Networks = None,
     mirror: Mirror = False,
-    threshold: Annotated[float, typer.Option(min=0, max=1, help="Open from here on.")] = 0.5,
+    threshold: Annotated[
+        float, typer.Option(min=0, max=1, help="Probability from which a doorway counts as open.")
+    ] = 0.5,
 ) -> None:
-    """p_open against open or not: accuracy, AUC, calibration, false alarms by kind."""
+    """Measure p_open against open or not: accuracy, AUC, calibration, false alarms by kind."""
     from doorway3ds.lab.evaluate import classifier as scores
     from doorway3ds.lab.evaluate import runners
     from doorway3ds.lab.evaluate.report import pages
@@ -165,10 +169,10 @@ def depth(
     report: ReportOptions,
     network: Networks = None,
     mirror: Annotated[
-        bool, typer.Option("--mirror", help="Also the average of both mirrorings.")
+        bool, typer.Option("--mirror", help="Also evaluate the average of both mirrorings.")
     ] = False,
 ) -> None:
-    """delta1-3, AbsRel, RMSE and log10, over the whole picture and the Eigen crop."""
+    """Measure depth: delta1-3, AbsRel, RMSE and log10, over the whole image and the Eigen crop."""
     from doorway3ds.lab.evaluate import depth as scores
     from doorway3ds.lab.evaluate import runners
     from doorway3ds.lab.evaluate.report import pages
@@ -208,14 +212,14 @@ def overview(
     ] = 2000,
     sheets: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Write the worst pictures of each set there, as PNG."),
+        typer.Option(metavar="DIR", help="Write the worst images of each set there, as PNG."),
     ] = None,
     json_file: Annotated[
         Path | None,
-        typer.Option("--json", metavar="FILE", help="Write the numbers; - = standard out."),
+        typer.Option("--json", metavar="FILE", help="Write the numbers as JSON; - for stdout."),
     ] = None,
 ) -> None:
-    """One table over several data sets, of the pictures that a training has not seen.
+    """Print one table over several data sets, of the images that a training has not seen.
 
     RUN/half-{k}.onnx measures each half of the places by calibration and limits of the other.
     Further networks are also compared with the first: paired differences with their intervals.
@@ -258,7 +262,7 @@ def _parts(dataset: Dataset, options: DataOptions) -> Iterator[tuple[Dataset, in
 
     split, folds, images = options.split, options.folds, options.images
     if sum(option is not None for option in (split, folds, images)) > 1:
-        raise CallError("--split, --folds and --images choose the pictures; give one of them")
+        raise CallError("--split, --folds and --images each select images; pass one of them")
     if folds is not None:
         for fold in range(folds):
             yield datasets.held_out(dataset, fold, folds), fold + 1
@@ -269,7 +273,7 @@ def _parts(dataset: Dataset, options: DataOptions) -> Iterator[tuple[Dataset, in
         try:
             lines = images.read_text(encoding="utf-8").splitlines()
         except (OSError, UnicodeDecodeError) as error:
-            raise UserError(f"cannot read the list of pictures {images}: {error}") from error
+            raise UserError(f"cannot read the list of images {images}: {error}") from error
         names = [line.strip() for line in lines if line.strip() and not line.startswith("#")]
         yield datasets.only_named(dataset, names), None
     else:

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 @expand
 def label(
     folder: Annotated[
-        Path, typer.Argument(help="Pictures of any size and camera; folders in it are places.")
+        Path,
+        typer.Argument(help="Folder of images of any size and camera; folders in it are places."),
     ],
     network: NetworkOptions,
     camera: LensOptions,
@@ -37,7 +38,7 @@ def label(
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Only put what is marked into open-door/, half-open-door/, closed-door/ and "
+            help="Only sort marked images into open-door/, half-open-door/, closed-door/ and "
             "no-door/ there, as links or copies.",
         ),
     ] = None,
@@ -47,17 +48,17 @@ def label(
     host: Host = "127.0.0.1",
     port: Port = 8001,
     token: Token = None,
-    tls: Annotated[bool, typer.Option("--tls", help="HTTPS.")] = False,
+    tls: Annotated[bool, typer.Option("--tls", help="Serve over HTTPS.")] = False,
     tls_cert: TlsCert = None,
     tls_key: TlsKey = None,
     tls_name: TlsName = None,
 ) -> None:
-    """Mark open doorways by hand on a page, until Ctrl-C; keys and two clicks a picture.
+    """Mark open doorways by hand on a page, until Ctrl-C; keys and two clicks per image.
 
     Every mark is saved at once into FOLDER/doorways.csv, which `3ds eval` and `3ds train` read;
-    called again, it goes on where it stopped.
+    a later call continues where it stopped.
 
-    Example: 3ds label pictures
+    Example: 3ds label images
     """
     from doorway3ds.camera.choice import choose_camera
     from doorway3ds.web.label.pictures import Pictures
@@ -113,7 +114,7 @@ def _export(folder: Path, out: Path) -> None:
     table = Table(folder)
     states = table.states()
     if not states:
-        raise UserError(f"{table.path} marks no picture yet; start with: 3ds label {folder}")
+        raise UserError(f"{table.path} marks no image yet; start with: 3ds label {folder}")
     counts = export_classes(Pictures(folder), states, out)
     told = ", ".join(f"{counts[name]} {name}" for name in sorted(counts))
     typer.echo(f"{out}: {told}")

@@ -58,7 +58,7 @@ def live(
     decide: DecideOptions,
     reading: SourceOptions,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object per frame and line.")
+        bool, typer.Option("--json", help="Print one JSON object per frame, one per line.")
     ] = False,
     out: Annotated[
         Path | None,

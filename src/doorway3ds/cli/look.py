@@ -56,13 +56,13 @@ def look(
     camera: CameraOptions,
     decide: DecideOptions,
     as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON object per image and line.")
+        bool, typer.Option("--json", help="Print one JSON object per image, one per line.")
     ] = False,
     as_csv: Annotated[
-        bool, typer.Option("--csv", help="One line of CSV per image, under a line of names.")
+        bool, typer.Option("--csv", help="Print CSV: a header, then one line per image.")
     ] = False,
     recursive: Annotated[
-        bool, typer.Option("--recursive", help="Look into the folders of a folder, too.")
+        bool, typer.Option("--recursive", help="Also search the subfolders of a folder.")
     ] = False,
     out: Annotated[
         Path | None,
@@ -72,10 +72,10 @@ def look(
         ),
     ] = None,
     style: Annotated[
-        Style, typer.Option(help="Write the annotated page alone, or the marked image, too.")
+        Style, typer.Option(help="Write the annotated page alone, or also the marked image.")
     ] = Style.PAGE,
     faint: Annotated[
-        bool, typer.Option("--faint", help="Draw candidates that score below 0.1, too.")
+        bool, typer.Option("--faint", help="Also draw candidates that score below 0.1.")
     ] = False,
     depth_dir: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for depth maps in metres, .npy.")
@@ -94,7 +94,7 @@ def look(
     choice = choose_camera(camera)
     pipeline = build_pipeline(decide)
     if as_json and as_csv:
-        raise CallError("--json and --csv both say what to print; give one of them")
+        raise CallError("--json and --csv both choose the output format; give one of them")
     if out is None and not (as_json or as_csv):
         out = OUT
     for folder in (out, depth_dir):
@@ -206,7 +206,7 @@ class _Files:
             depth = decision.perception.depth_m
             if depth is None:
                 raise UserError(
-                    f"{image.shown}: network {decision.perception.network} gives no depth"
+                    f"{image.shown}: network {decision.perception.network} returns no depth"
                 )
             _write_array(self.depth_dir / f"{image.stem}.npy", depth)
 

@@ -162,7 +162,7 @@ def application(arguments: Sequence[str]):  # type: ignore[no-untyped-def]  # Ty
     @app.callback()
     def top(
         version: bool = typer.Option(
-            False, "--version", callback=version, is_eager=True, help="Print the version and end."
+            False, "--version", callback=version, is_eager=True, help="Print the version and exit."
         ),
     ) -> None:
         pass

@@ -20,7 +20,7 @@ app = typer.Typer(
 def models(
     context: typer.Context,
     as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON object per network and line.")
+        bool, typer.Option("--json", help="Print one JSON object per network, one per line.")
     ] = False,
 ) -> None:
     """List the networks: what each gives, whether its file is here, and how to get it."""
@@ -36,16 +36,18 @@ def models(
 @app.command()
 def fetch(
     name: str,
-    url: Annotated[str | None, typer.Option(help="http(s) address of an ONNX file.")] = None,
-    sha256: Annotated[
-        str | None, typer.Option(help="The file's digest; required with --url.")
+    url: Annotated[
+        str | None, typer.Option(help="Address (http or https) of an ONNX file.")
     ] = None,
-    licence: Annotated[str | None, typer.Option(help="Noted on the file's card.")] = None,
+    sha256: Annotated[
+        str | None, typer.Option(help="SHA-256 of the file; required with --url.")
+    ] = None,
+    licence: Annotated[str | None, typer.Option(help="Licence, noted on the file's card.")] = None,
 ) -> None:
     """Download a network's file; it is used only if its SHA-256 and signature are right.
 
-    Without --url from where the network is published: a release, or the Hugging Face hub, whose
-    cache (HF_HOME) it then stays in; with HF_HUB_OFFLINE=1 it must be there.
+    Without --url it comes from where the network is published: a release, or the Hugging Face hub,
+    in whose cache (HF_HOME) it stays; with HF_HUB_OFFLINE=1 it must already be there.
     """
     from doorway3ds.networks.fetch import fetch as download
 
@@ -57,13 +59,13 @@ def fetch(
 def import_file(
     name: str,
     file: Annotated[
-        Path, typer.Argument(help="An ONNX file of the network's signature, or a Keras .h5 file.")
+        Path, typer.Argument(help="ONNX file with the network's signature, or a Keras .h5 file.")
     ],
-    licence: Annotated[str | None, typer.Option(help="Noted on the file's card.")] = None,
+    licence: Annotated[str | None, typer.Option(help="Licence, noted on the file's card.")] = None,
 ) -> None:
     """Install an ONNX file, such as `3ds train` writes, under a network's name.
 
-    For cnn-srin and densedepth also their authors' Keras 1 or 2 weights (.h5), which become one.
+    For cnn-srin and densedepth the authors' Keras 1 or 2 weights (.h5) are converted, too.
     """
     from doorway3ds.networks.registry import install
 

@@ -22,45 +22,49 @@ _STOPPED = 130
 def qualify(
     folder: Annotated[
         Path,
-        typer.Argument(help="Your pictures: open-door/ and no-door/, or doorways.csv, or both."),
+        typer.Argument(help="Your images: open-door/ and no-door/, or doorways.csv, or both."),
     ],
     camera: LensOptions,
     site: SiteOptions,
     network: Annotated[
-        str, typer.Option(metavar="NAME|FILE", help="What to start from: doornet or a site model.")
+        str,
+        typer.Option(metavar="NAME|FILE", help="Network to start from: doornet or a site model."),
     ] = "doornet",
     out: Annotated[
-        Path, typer.Option(metavar="FILE", help="Where the site model goes, if it is better.")
+        Path, typer.Option(metavar="FILE", help="Site model to write if it is better.")
     ] = Path("site.onnx"),
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write report.html and PNGs there.")
     ] = None,
     json_file: Annotated[
         Path | None,
-        typer.Option("--json", metavar="FILE", help="Write the numbers; - = standard out."),
+        typer.Option("--json", metavar="FILE", help="Write the numbers as JSON; - for stdout."),
     ] = None,
     with_: Annotated[
         list[Path] | None,
         typer.Option(
-            "--with", metavar="DATASET", help="Also learn from this data set; may be repeated."
+            "--with", metavar="DATASET", help="Also learn from this data set; repeatable."
         ),
     ] = None,
     hold_out: Annotated[
-        float, typer.Option(min=0.1, max=0.8, help="Share of the pictures that only judges.")
+        float,
+        typer.Option(min=0.1, max=0.8, help="Share of the images held out to judge the result."),
     ] = 0.4,
-    epochs: Annotated[int, typer.Option(min=1, help="Of each of the two stages, at most.")] = 12,
-    learning_rate: Annotated[float, typer.Option(help="Of the heads; the decoder's a third.")] = (
-        3e-4
-    ),
-    batch: Annotated[int, typer.Option(min=1, help="Pictures per step.")] = 8,
+    epochs: Annotated[
+        int, typer.Option(min=1, help="Largest number of epochs of each of the two stages.")
+    ] = 12,
+    learning_rate: Annotated[
+        float, typer.Option(help="Learning rate of the heads; the decoder's is a third.")
+    ] = (3e-4),
+    batch: Annotated[int, typer.Option(min=1, help="Images per step.")] = 8,
     repeats: Annotated[int, typer.Option(min=100, help="Bootstrap resamples.")] = 2000,
     seed: int = 0,
     licence: Annotated[
-        str | None, typer.Option(help="Licence of the pictures; noted on the card.")
+        str | None, typer.Option(help="Licence of the images, noted on the card.")
     ] = None,
     threads: Annotated[int | None, typer.Option(min=1, help="CPU threads; default: all.")] = None,
 ) -> None:
-    """Measure the network at your site, fine-tune it on your pictures, keep it if it is better.
+    """Measure the network at your site, fine-tune it on your images, keep it if it is better.
 
     Example: 3ds qualify pictures --report site
     """

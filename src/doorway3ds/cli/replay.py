@@ -20,14 +20,18 @@ if TYPE_CHECKING:
 
 def replay(
     run: Annotated[
-        Path, typer.Argument(metavar="DIR", help="A folder that `3ds run` or `3ds live` wrote.")
+        Path, typer.Argument(metavar="DIR", help="Folder that `3ds run` or `3ds live` wrote.")
     ],
     network: Annotated[
         str | None,
-        typer.Option(metavar="NAME[+NAME]", help="Another network than the run's."),
+        typer.Option(metavar="NAME[+NAME]", help="Network to use instead of the run's."),
     ] = None,
-    method: Annotated[Method | None, typer.Option(help="Another method than the run's.")] = None,
-    tolerance: Annotated[float, typer.Option(help="Numbers may differ by this share.")] = 1e-6,
+    method: Annotated[
+        Method | None, typer.Option(help="Method to use instead of the run's.")
+    ] = None,
+    tolerance: Annotated[
+        float, typer.Option(help="Relative difference within which numbers agree.")
+    ] = 1e-6,
     threads: Annotated[int | None, typer.Option(min=1, help="CPU threads of the network.")] = None,
     rerun: Rerun = None,
 ) -> None:

@@ -34,28 +34,31 @@ def reproduce(
     pictures: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help="Twelve pictures for Tables 1 and 2: a folder per class, or none."
+            metavar="DIR",
+            help="Twelve images for Tables 1 and 2, in a folder per class or without classes.",
         ),
     ] = None,
     network: Network = "doornet",
     dataset: Annotated[
         Path | None,
         typer.Option(
-            metavar="DATASET", help="Train CNN-SRIN on it for 10, 20 and 30 epochs; needs --out."
+            metavar="DATASET",
+            help="Data set to train CNN-SRIN on for 10, 20 and 30 epochs; needs --out.",
         ),
     ] = None,
     threads: Annotated[int | None, typer.Option(min=1, help="CPU threads; default: all.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object instead.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead.")] = False,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write report.html, report.json, PNGs there.")
+        Path | None,
+        typer.Option(metavar="DIR", help="Write report.html, report.json and PNGs there."),
     ] = None,
 ) -> None:
     """Recompute the paper's tables beside what it prints, as far as data allow.
 
-    Alone it does what needs no data: the angles of Tables 3 and 4. Twelve pictures, taken for
-    the paper's camera (60.9 degrees across) unless --camera or --fov-deg says otherwise, stand in
-    for Tables 1 and 2; a data set of two classes for the training. What cannot be rerun without
-    the authors' pictures is said.
+    Without options it recomputes what needs no data: the angles of Tables 3 and 4. Twelve images
+    stand in for Tables 1 and 2, assumed to be of the paper's camera (60.9 degrees across) unless
+    --camera or --fov-deg says otherwise; a data set of two classes stands in for the training.
+    It reports what cannot be rerun without the authors' images.
 
     Example: 3ds reproduce --pictures twelve --out report
     """

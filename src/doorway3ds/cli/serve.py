@@ -33,31 +33,37 @@ def serve(
     decide: DecideOptions,
     source: Annotated[
         str | None,
-        typer.Argument(help="Shown live on the page: a video, webcam://0, rtsp://... as in `live`"),
+        typer.Argument(
+            help="Source shown live on the page: a video, webcam://0, rtsp://... as in `3ds live`."
+        ),
     ] = None,
     host: Host = "127.0.0.1",
     port: Port = 8000,
     token: Token = None,
     tls: Annotated[
-        bool, typer.Option("--tls", help="HTTPS, which phones need to lend their camera.")
+        bool,
+        typer.Option("--tls", help="Serve over HTTPS, which phones require to share their camera."),
     ] = False,
     tls_cert: TlsCert = None,
     tls_key: TlsKey = None,
     tls_name: TlsName = None,
     loop: Annotated[
-        bool, typer.Option("--loop", help="Begin a video or folder again at its end.")
+        bool, typer.Option("--loop", help="Start a video or folder again at its end.")
     ] = False,
-    workers: Annotated[int, typer.Option(min=1, max=64, help="Decisions at once.")] = 2,
+    workers: Annotated[int, typer.Option(min=1, max=64, help="Decisions made at once.")] = 2,
     in_flight: Annotated[
-        int, typer.Option(min=1, max=10_000, help="Decisions that run or wait; more get 429.")
+        int,
+        typer.Option(
+            min=1, max=10_000, help="Decisions running or waiting; further requests get 429."
+        ),
     ] = 16,
-    max_mb: Annotated[float, typer.Option(help="Largest body of a request, MiB.")] = 32,
-    max_megapixels: Annotated[float, typer.Option(help="Largest picture.")] = 50,
+    max_mb: Annotated[float, typer.Option(help="Largest request body, in MiB.")] = 32,
+    max_megapixels: Annotated[float, typer.Option(help="Largest image, in megapixels.")] = 50,
 ) -> None:
     """Show decisions on a page and answer programs over HTTP, until Ctrl-C.
 
-    SOURCE is what the page shows live; without one it decides on pictures and on the camera of
-    the browser. Only this machine is answered unless --host says otherwise.
+    Without SOURCE the page decides on images and on the browser's camera. Only this machine is
+    answered unless --host says otherwise.
 
     Example: 3ds serve webcam://0 --camera pepper-top
     """

@@ -34,11 +34,13 @@ def main() -> None:
 
 @app.command()
 def render(
-    out: Annotated[Path, typer.Option(help="Folder to write; a cut run goes on where it stopped.")],
-    count: Annotated[int, typer.Option(min=1, help="Pictures.")] = 100,
-    seed: Annotated[int, typer.Option(min=0, help="Other seeds, other homes.")] = 0,
-    size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of the pictures.")] = "320x240",
-    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    out: Annotated[
+        Path, typer.Option(help="Folder to write; an interrupted run continues where it stopped.")
+    ],
+    count: Annotated[int, typer.Option(min=1, help="Number of images.")] = 100,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the homes.")] = 0,
+    size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of the images.")] = "320x240",
+    workers: Annotated[int, typer.Option(min=1, help="Number of processes.")] = 2,
     hazards: Annotated[
         float,
         typer.Option(min=0, max=1, help="Share of homes with stairs, glass, mirrors, people ..."),
@@ -47,7 +49,7 @@ def render(
         float, typer.Option(min=0, max=1, help="Share of views from 0.3 to 0.6 m.")
     ] = 0.0,
 ) -> None:
-    """Render pictures of simulated homes with depth, floor and doorways."""
+    """Render images of simulated homes with depth, floor and doorways."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -69,16 +71,16 @@ def view(
         Path, typer.Option(help="Image to write; its truth goes into truth/ beside it.")
     ],
     home: Annotated[int, typer.Option(min=0, help="Seed of the home.")],
-    x: Annotated[float, typer.Option(help="Metres in the home's plan.")],
-    y: Annotated[float, typer.Option(help="Metres in the home's plan.")],
-    heading_deg: Annotated[float, typer.Option(help="0 looks along x, 90 along y.")],
+    x: Annotated[float, typer.Option(help="Position along x in the home's plan, in metres.")],
+    y: Annotated[float, typer.Option(help="Position along y in the home's plan, in metres.")],
+    heading_deg: Annotated[float, typer.Option(help="Heading: 0 looks along x, 90 along y.")],
     camera: Annotated[str, typer.Option(help="Camera preset.")] = "nao-v5-top",
     pitch_deg: Annotated[
-        float | None, typer.Option(help="Instead of the preset's; + is up.")
+        float | None, typer.Option(help="Pitch, + up, instead of the preset's.")
     ] = None,
-    size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of the picture.")] = "640x480",
+    size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of the image.")] = "640x480",
 ) -> None:
-    """Take one picture from a stated place."""
+    """Render one image from a given place."""
     from dataclasses import replace
 
     from doorway3ds.camera.presets import preset
@@ -100,15 +102,15 @@ def view(
 @app.command()
 def nao(
     listen: Annotated[
-        str, typer.Option(metavar="URL", help="Where NAOqi answers.")
+        str, typer.Option(metavar="URL", help="Address on which NAOqi answers.")
     ] = "tcp://127.0.0.1:9559",
-    seed: Annotated[int, typer.Option(min=0, help="Other seeds, other homes.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the homes.")] = 0,
     scenario: Annotated[
-        str, typer.Option(help="What it stands before; see docs/robot.md.")
+        str, typer.Option(help="Scene in front of the robot; see docs/robot.md.")
     ] = "doorway",
-    robot: Annotated[str, typer.Option(help="nao or pepper.")] = "nao",
+    robot: Annotated[str, typer.Option(help="Model: nao or pepper.")] = "nao",
 ) -> None:
-    """A virtual NAO that NAOqi scripts can turn and look through, until Ctrl-C."""
+    """Run a virtual NAO that NAOqi scripts can turn and look through, until Ctrl-C."""
     import re
     import threading
     from importlib import import_module
@@ -156,19 +158,24 @@ def reason_of(error: RuntimeError) -> str:
 @app.command()
 def trial(
     out: Annotated[
-        Path, typer.Option(help="Folder for episodes and tables; a cut run goes on in it.")
+        Path,
+        typer.Option(help="Folder for episodes and tables; an interrupted run continues in it."),
     ],
-    episodes: Annotated[int, typer.Option(min=1, help="Of each scene.")] = 60,
+    episodes: Annotated[int, typer.Option(min=1, help="Episodes of each scene.")] = 60,
     scenes: Annotated[
-        str | None, typer.Option(metavar="NAME,...", help="Default: all; see docs/robot.md.")
+        str | None,
+        typer.Option(
+            metavar="NAME,...",
+            help="Scenes to play, separated by commas; default: all; see docs/robot.md.",
+        ),
     ] = None,
     network: Annotated[
-        str, typer.Option(metavar="NAME", help="truth, or a network of `3ds models`.")
+        str, typer.Option(metavar="NAME", help="Network: truth, or one of `3ds models`.")
     ] = "truth",
-    method: Annotated[str, typer.Option(help="opening, paper or both.")] = "both",
-    seed: Annotated[int, typer.Option(min=0, help="Of the first episode.")] = 0,
-    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
-    film: Annotated[bool, typer.Option("--film", help="Also a GIF of each scene.")] = False,
+    method: Annotated[str, typer.Option(help="Method: opening, paper or both.")] = "both",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the first episode.")] = 0,
+    workers: Annotated[int, typer.Option(min=1, help="Number of processes.")] = 2,
+    film: Annotated[bool, typer.Option("--film", help="Also write a GIF of each scene.")] = False,
 ) -> None:
     """Play the closed loop in many homes; both methods meet the same stages."""
     from rich.console import Console

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Out = Annotated[Path, typer.Option(help="Folder for checkpoints, logs and the result.")]
 
 app = typer.Typer(
-    help="Train networks from images.\n\nExample: 3ds train cnn-srin pictures", no_args_is_help=True
+    help="Train networks from images.\n\nExample: 3ds train cnn-srin images", no_args_is_help=True
 )
 
 
@@ -47,7 +47,7 @@ def doornet(
     ],
     out: Out = Path("runs/doornet"),
     recipe: Annotated[
-        Path | None, typer.Option(help="YAML file.  [default: the packaged one]")
+        Path | None, typer.Option(help="Recipe, a YAML file.  [default: the packaged one]")
     ] = None,
     hold_out: Annotated[
         str | None,
@@ -55,30 +55,33 @@ def doornet(
     ] = None,
     report: Annotated[
         int | None,
-        typer.Option(metavar="K", help="Keep fold K, too, from training and from calibration."),
+        typer.Option(metavar="K", help="Keep fold K out of both training and calibration."),
     ] = None,
     marks: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="CSV with exact openings for pictures that lack them."),
+        typer.Option(metavar="FILE", help="CSV with exact openings for images that lack them."),
     ] = None,
     calibration: Annotated[
         Path | None,
-        typer.Option(metavar="CARD", help="doornet.json of a held-out run, for one on everything."),
+        typer.Option(
+            metavar="CARD",
+            help="Take the calibration of a held-out run's doornet.json, to train on everything.",
+        ),
     ] = None,
     init: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Weights of an earlier run to start from.")
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="Instead of the recipe's.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed, instead of the recipe's.")] = None,
     patience: Annotated[
         int | None,
         typer.Option(
             min=0,
-            help="End a stage after so many epochs without gain on held-out places, keep the best; "
+            help="End a stage after N epochs without gain on held-out places and keep the best; "
             "0: never.  [default: the recipe's]",
         ),
     ] = None,
     precision: Annotated[
-        str, typer.Option(help="auto (bfloat16 on a GPU), float32, bfloat16.")
+        str, typer.Option(help="Arithmetic: auto (bfloat16 on a GPU), float32 or bfloat16.")
     ] = "auto",
 ) -> None:
     """Train doornet: p_open, opening columns, depth and floor in one network."""
@@ -120,11 +123,11 @@ def doornet(
 @app.command()
 def limits(
     folder: Annotated[Path, typer.Argument(help="Folder of a training with --hold-out.")],
-    datasets: Annotated[list[Path], typer.Argument(help="The data sets that it was trained on.")],
+    datasets: Annotated[list[Path], typer.Argument(help="Data sets that it was trained on.")],
 ) -> None:
     """Choose the presets cautious, balanced and eager of a trained doornet.
 
-    Looks at the places that the training held out; without a preset, balanced is what is used.
+    Uses the places that the training held out; `balanced` is the default preset.
     """
     from doorway3ds.lab.train.doornet.tune import tune_run
 
@@ -144,7 +147,7 @@ def cnn_srin(
     running: FileOptions,
     out: Out = Path("runs/cnn-srin"),
 ) -> None:
-    """Train the paper's classifier on pictures with and without an open doorway."""
+    """Train the paper's classifier on images with and without an open doorway."""
     from doorway3ds.lab.datasets.doors import read_door_pictures
     from doorway3ds.lab.train.paper.srinrun import SrinTraining
 
@@ -175,7 +178,7 @@ def cnn_srin(
 def densedepth(
     dataset: Annotated[
         Path,
-        typer.Argument(help="Folder of pictures with depth, or DenseDepth's own nyu_data.zip."),
+        typer.Argument(help="Folder of images with depth, or DenseDepth's own nyu_data.zip."),
     ],
     pictures: PairOptions,
     options: DepthOptions,
@@ -183,10 +186,10 @@ def densedepth(
     out: Out = Path("runs/densedepth"),
     unit_m: Annotated[
         float | None,
-        typer.Option(metavar="M", help="Metres per count of depth, where the data do not say."),
+        typer.Option(metavar="M", help="Metres per count of depth, if the data do not say."),
     ] = None,
 ) -> None:
-    """Train the paper's depth network (DenseNet-169) on pictures with depth."""
+    """Train the paper's depth network (DenseNet-169) on images with depth."""
     from doorway3ds.lab.train.paper.densedepth import SETTINGS
     from doorway3ds.lab.train.paper.depthpairs import read_depth_pairs
     from doorway3ds.lab.train.paper.depthrun import DepthTraining

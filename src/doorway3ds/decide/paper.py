@@ -126,7 +126,7 @@ def select_paper(perception: Perception, frame: Frame) -> Selection:
     """
     if perception.depth_m is None:
         raise UserError(
-            f"the paper method needs depth and network '{perception.network}' gives none; "
+            f"the paper method needs depth and network '{perception.network}' returns none; "
             "name a depth network after a +, as in cnn-srin+densedepth"
         )
     depth = resample(perception.depth_m)

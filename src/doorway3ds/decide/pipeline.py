@@ -70,7 +70,7 @@ class Pipeline:
         if lacking:
             raise UserError(
                 f"method {self.method} needs {', '.join(lacking)}, which network "
-                f"{self.network.name} does not give; join one that does, as in cnn-srin+densedepth"
+                f"{self.network.name} lacks; join one that has them, as in cnn-srin+densedepth"
             )
         if self.preset is not None:
             params, gates = operating_point(self.network, self.preset, self.gates)
@@ -237,7 +237,7 @@ def operating_point(
         )
     point = known[preset]
     if not isinstance(point, Mapping):
-        raise UserError(f"preset {preset} of network {network.name} is no object of limits")
+        raise UserError(f"preset {preset} of network {network.name} is not an object of limits")
     gates = gates or Gates()
     params = override(OpeningParams(), point.get("limits", {}))
     return params, override(gates, {"open_from": point.get("open_from", gates.open_from)})

@@ -66,7 +66,7 @@ class Film:
         self._writer = None
         try:
             if self._part.stat().st_size == 0:
-                raise UserError(f"cannot write {self.path}: the film is empty; is the disk full?")
+                raise UserError(f"cannot write {self.path}: the video is empty; is the disk full?")
             self._part.replace(self.path)
         except OSError as error:
             raise UserError(f"cannot write {self.path}: {error.strerror}") from error
@@ -89,7 +89,9 @@ class Film:
         )
         if not writer.isOpened():
             writer.release()
-            raise UserError(f"cannot write {self.path}: no such place, or no leave to write there")
+            raise UserError(
+                f"cannot write {self.path}: no such folder, or no permission to write there"
+            )
         self._writer = writer
 
     def _show_last(self, seconds: float) -> None:

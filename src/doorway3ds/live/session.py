@@ -175,7 +175,7 @@ class Session:
         silent = self._memory.without_picture(now_s)
         if silent is None or self._last is None or silent.decision.reason is not Reason.LOST:
             return None
-        problem = self.source.problem or "no picture comes"
+        problem = self.source.problem or "no image arrives"
         return Update(self._last.number, self.source.name, silent, fresh=False, problem=problem)
 
     def _turned_deg(self) -> float:

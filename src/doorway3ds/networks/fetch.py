@@ -50,7 +50,7 @@ def _from_hub(name: str, file: hub.HubFile, sha256: str | None) -> Path:
     if sha256 is not None and digest(path) != sha256:
         path = hub.download(file, again=True)
         if digest(path) != sha256:
-            raise UserError(f"the hub gave a {file} whose SHA-256 is not {sha256[:12]}...")
+            raise UserError(f"the hub returned a {file} whose SHA-256 is not {sha256[:12]}...")
     load(name, threads=1)
     return path
 
@@ -75,7 +75,7 @@ def _download(url: str, sha256: str, folder: Path) -> Path:
         raise UserError(f"{url} cannot be fetched: {why}") from error
     except ValueError as error:
         raise UserError(
-            f"{url} gave a file whose SHA-256 is not {sha256[:12]}...; nothing was installed"
+            f"{url} returned a file whose SHA-256 is not {sha256[:12]}...; nothing was installed"
         ) from error
     except OSError as error:
         raise UserError(f"{url} cannot be fetched: {error.strerror or error}") from error

@@ -59,7 +59,7 @@ def download(wanted: HubFile, *, again: bool = False) -> Path:
     except errors.HfHubHTTPError as error:
         status = error.response.status_code if error.response is not None else "no answer"
         raise UserError(
-            f"the hub {constants.ENDPOINT} does not give {wanted}: status {status}"
+            f"the hub {constants.ENDPOINT} does not return {wanted}: status {status}"
         ) from error
     except (OSError, ValueError) as error:
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]

@@ -240,13 +240,13 @@ def load(name: str, *, threads: int | None = None, needs: Iterable[str] = ()) ->
     lacking = [need for need in needs if need not in network.gives]
     if lacking == [DEPTH] and RELATIVE in network.gives:
         raise CallError(
-            f"network {name} gives depth without metres, which are needed here; join one that "
+            f"network {name} returns depth without metres, which are needed here; join one that "
             f"gives {FLOOR}, as in doornet+{presets.RELATIVE}, and say the lens height"
         )
     if lacking:
         raise CallError(
-            f"network {name} gives {', '.join(sorted(network.gives))} but {', '.join(lacking)} "
-            f"is needed here; join one that gives it, as in doornet+densedepth"
+            f"network {name} returns {', '.join(sorted(network.gives))} but {', '.join(lacking)} "
+            f"is needed here; join one that returns it, as in doornet+densedepth"
         )
     return network
 

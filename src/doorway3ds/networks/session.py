@@ -21,7 +21,7 @@ MAX_THREADS = 8  # these networks are small: more threads wait for each other
 _NEWER = "; update onnxruntime, or export the file for an older one"
 # What to do about what ONNX Runtime says; only the first accuses the file itself.
 _HINTS = (
-    ("Protobuf parsing failed|No graph was found", "; it is damaged or no ONNX file"),
+    ("Protobuf parsing failed|No graph was found", "; it is damaged or not an ONNX file"),
     ("IR version|opset", _NEWER),
     ("not a registered|No Op registered", "; it has operators that this ONNX Runtime lacks"),
     ("External data|external", "; put its data file beside it"),
@@ -118,7 +118,7 @@ class Session:
         for name, value in zip(self.outputs, values, strict=True):
             if not np.isfinite(value).all():
                 raise UserError(
-                    f"network file {self.path} gave values that are not finite in {name!r}; "
+                    f"network file {self.path} returned values that are not finite in {name!r}; "
                     f"it is damaged or badly trained"
                 )
         return dict(zip(self.outputs, values, strict=True))

@@ -29,7 +29,7 @@ class BagFile:
         if not path.exists():
             raise UserError(f"{path} does not exist; expected a bag: .bag, .mcap, .db3 or a folder")
         if path.is_file() and path.suffix not in _SUFFIXES:
-            raise UserError(f"{path} is no bag; expected .bag, .mcap, .db3 or a bag folder")
+            raise UserError(f"{path} is not a bag; expected .bag, .mcap, .db3 or a bag folder")
         self._path, self._stack = path, ExitStack()
         try:
             default = get_typestore(Stores.ROS2_HUMBLE)

@@ -56,7 +56,7 @@ class BaseOptions(MotionOptions):
         0.5, "Stop a turn if no odometry comes for this long.", low=0.1, high=5
     )
     image_timeout_s: float = setting(
-        1.0, "Stop a turn if no image comes for this long.", low=0.1, high=10
+        1.0, "Stop a turn if no image arrives for this long.", low=0.1, high=10
     )
 
 

@@ -15,7 +15,7 @@ def without_password(uri: str) -> str:
         parts = urlsplit(uri)
     except ValueError as error:
         shown = re.sub(r"//[^/]*@", "//***@", uri)
-        raise CallError(f"{shown} is no address: {error}") from error
+        raise CallError(f"{shown} is not an address: {error}") from error
     if parts.password is None:
         return uri
     user, _, host = parts.netloc.rpartition("@")

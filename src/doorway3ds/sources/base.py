@@ -98,7 +98,7 @@ class Source(ABC):
     damaged: pictures that could not be decoded.
     reconnects: how often the connection was made again.
     frame_name: what the last frame is called: a file of a folder, else `name`.
-    problem: why no picture comes at the moment, in words, or None.
+    problem: why no image arrives at the moment, in words, or None.
     ended: no further frame will come.
     truth: a network that makes no mistakes about the last frame, if a source has one.
     notice: called with one line for each picture left out and each change of the connection,

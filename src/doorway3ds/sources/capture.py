@@ -51,10 +51,10 @@ class OpenCvCapture:
             raise UserError(f"OpenCV cannot read it: {error.err}") from error
         stamp_s = time.monotonic()
         if not done or image is None:
-            raise UserError("no picture comes any more")
+            raise UserError("no image arrives any more")
         # At its own time-out FFmpeg hands out what its decoder still held, as if it were new.
         if self._begun and stamp_s - asked_s > _STALL_S:
-            raise UserError(f"no picture for {stamp_s - asked_s:.0f} s")
+            raise UserError(f"no image for {stamp_s - asked_s:.0f} s")
         self._begun = True
         if self._aspect is None:  # known for sure once an image was decoded
             self._aspect = pixel_aspect(self._reader)

@@ -21,7 +21,7 @@ class LiveSource(Source):
     connect: makes the connection; called once at once, whose error is the caller's, and again
         after each loss, with waits that double from 0.25 to 8 s until a picture comes.
     patience_s: SourceLost after this long without a picture; None: never.
-    stall_s: a connection that gives no picture for this long counts as lost.
+    stall_s: a connection that gives no image for this long counts as lost.
     """
 
     live = True
@@ -87,7 +87,7 @@ class LiveSource(Source):
     def _frame(self, shot: Shot) -> Frame:
         image, orientation, focal_35mm = shot.image, 1, None
         if isinstance(image, bytes):
-            picture = read_image(image, name=f"a picture of {self.name}")
+            picture = read_image(image, name=f"an image of {self.name}")
             image, orientation = picture.image, picture.orientation
             focal_35mm = picture.focal_35mm
         return self._view.frame(
@@ -115,12 +115,12 @@ class LiveSource(Source):
                 # A device whose driver hangs never returns to the reading thread, and one whose
                 # every connection fails later than in connecting never ends `_reconnect`.
                 if self._patience_s is not None and silent_s > self._patience_s:
-                    self._gone = self._gone or self._lost(self._why or "no picture comes")
+                    self._gone = self._gone or self._lost(self._why or "no image arrives")
                 if self._gone is not None:
                     self.ended = True
                     raise SourceLost(self._gone)
                 if silent_s > self._stall_s and self.problem is None:
-                    self.problem = f"no picture for {silent_s:.0f} s"
+                    self.problem = f"no image for {silent_s:.0f} s"
                 if deadline is not None and now >= deadline:
                     return None
                 self._news.wait(0.5 if deadline is None else min(0.5, deadline - now))
@@ -161,7 +161,7 @@ class LiveSource(Source):
             if shot is not None:
                 self._offer(shot)
             elif time.monotonic() - max(begun, self._last_s) > self._stall_s:
-                return f"no picture for {self._stall_s:g} s"
+                return f"no image for {self._stall_s:g} s"
             else:
                 self._closing.wait(0.005)
         return None
@@ -204,4 +204,4 @@ class LiveSource(Source):
         return None
 
     def _lost(self, reason: str) -> str:
-        return f"{self.name} gave no picture for {self._patience_s:g} s: {reason}"
+        return f"{self.name} sent no image for {self._patience_s:g} s: {reason}"

@@ -111,5 +111,5 @@ def test_what_is_missing_is_said_before_anything_is_read(folder: Path) -> None:
     with pytest.raises(CallError, match="gone does not exist"):
         next(find_items(["in", "gone"]))
     (folder / "half.tar").write_bytes(b"x" * 600)
-    with pytest.raises(UserError, match=r"half.tar is no tar archive"):
+    with pytest.raises(UserError, match=r"half.tar is not a tar archive"):
         list(find_items(["half.tar"]))

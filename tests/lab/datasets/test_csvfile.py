@@ -36,8 +36,8 @@ def test_what_is_no_table_is_one_line(tmp_path: Path) -> None:
     for data, says in (
         (b"", "lacks the column image"),
         (b"image;left\na.jpg;1;2\n", "line 2: expected 2 fields"),
-        ("Tür".encode("latin-1"), "no CSV file in UTF-8 or UTF-16"),
-        (b'image,left\n"a.jpg,1\n', "no CSV file"),
+        ("Tür".encode("latin-1"), "not a CSV file in UTF-8 or UTF-16"),
+        (b'image,left\n"a.jpg,1\n', "not a CSV file"),
     ):
         path.write_bytes(data)
         with pytest.raises(UserError, match=says) as caught:

@@ -36,16 +36,16 @@ def test_an_empty_class_is_refused(tmp_path: Path) -> None:
     classes(tmp_path, 2)
     for file in (tmp_path / "open-door").iterdir():
         file.write_bytes(b"no picture")
-    with pytest.raises(UserError, match=r"no readable picture of class open-door.*left out"):
+    with pytest.raises(UserError, match=r"no readable image of class open-door.*left out"):
         read_door_pictures(tmp_path)
     shutil.rmtree(tmp_path / "open-door")
-    with pytest.raises(UserError, match="no readable picture of class open-door"):
+    with pytest.raises(UserError, match="no readable image of class open-door"):
         read_door_pictures(tmp_path)
 
 
 def test_one_picture_only(tmp_path: Path) -> None:
     one = save(tmp_path / "open-door" / "a.png", room(np.random.default_rng(0), is_open=True))
-    with pytest.raises(UserError, match="no readable picture of class no-door"):
+    with pytest.raises(UserError, match="no readable image of class no-door"):
         read_door_pictures(tmp_path)
     save(tmp_path / "no-door" / "a.png", room(np.random.default_rng(1), is_open=False))
     with pytest.raises(UserError, match="expected at least 2"):

@@ -50,7 +50,7 @@ def test_each_class_is_on_both_sides_however_few() -> None:
 
 
 def test_a_class_in_one_group_cannot_be_held_out() -> None:
-    with pytest.raises(UserError, match="class y has all its pictures in 1 group"):
+    with pytest.raises(UserError, match="class y has all its images in 1 group"):
         groups.split(["a", "b", "c", "c"], ["x", "x", "y", "y"], 0.2, 0)
 
 
@@ -70,7 +70,7 @@ def test_groups_by_pattern_and_its_refusals(tmp_path) -> None:  # type: ignore[n
     assert named(r"room(\d)") == ("1", "1", "2")
     with pytest.raises(CallError, match="needs one group"):
         named("room")
-    with pytest.raises(CallError, match="no regular expression"):
+    with pytest.raises(CallError, match="not a regular expression"):
         named("(")
     with pytest.raises(UserError, match=r"is not found in room2\.jpg"):
         named("(room1)")

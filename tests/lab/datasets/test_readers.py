@@ -72,7 +72,7 @@ def test_a_kind_counts_from_two_percent_of_the_picture_on(nyu):
 def test_labels_that_are_no_labels_are_one_line(nyu):
     file = nyu / "labels" / "0045.png"
     cv2.imwrite(str(file), np.zeros((480, 640, 3), np.uint8))
-    with pytest.raises(UserError, match=r"0045\.png is no 8-bit one-channel label picture"):
+    with pytest.raises(UserError, match=r"0045\.png is not an 8-bit one-channel label image"):
         datasets.load_labels(read_dataset(nyu).samples[2])
 
 
@@ -95,12 +95,12 @@ def test_confidence_leaves_pictures_and_further_openings_out(nyu):
         ("0002.jpg,1,300,400", "line 2: expected 7 fields"),
         ("0002.jpg,1,300,400,1,3,0,9,9", "line 2: expected 7 fields"),
         ("0002.jpg,1,nan,400,1,3,0", "expected a number for left_px, got 'nan'"),
-        ("0002.jpg,1,700,800,1,3,0", "line 2: the opening lies outside the picture"),
-        ("9999.jpg,0,,,,3,0", "line 2: there is no picture 9999.jpg"),
-        (",0,,,,3,0", "line 2: names no picture"),
-        ("../0002.jpg,0,,,,3,0", "line 2: expected a picture's name below the folder"),
-        ('0002.jpg,0,,,,3,"0', "no CSV file"),
-        ("", "holds no marked pictures"),
+        ("0002.jpg,1,700,800,1,3,0", "line 2: the opening lies outside the image"),
+        ("9999.jpg,0,,,,3,0", "line 2: there is no image 9999.jpg"),
+        (",0,,,,3,0", "line 2: names no image"),
+        ("../0002.jpg,0,,,,3,0", "line 2: expected an image's name below the folder"),
+        ('0002.jpg,0,,,,3,"0', "not a CSV file"),
+        ("", "holds no marked images"),
     ],
 )
 def test_a_damaged_table_is_one_line_that_says_where(nyu, row, message):
@@ -116,7 +116,7 @@ def test_a_damaged_table_is_one_line_that_says_where(nyu, row, message):
     [
         (b"", "lacks the column image"),
         (b"image,left_px,right_px\n", "lacks the column open"),
-        (b"\xffimage", "no CSV file in UTF-8"),
+        (b"\xffimage", "not a CSV file in UTF-8"),
         (b"image,open\x00", "lacks the column"),
     ],
 )

@@ -47,7 +47,7 @@ def test_a_symmetric_network_is_left_as_it_is():
 
 def test_a_network_without_depth_is_refused():
     frame = Frame(np.zeros((6, 8, 3), np.uint8), CAMERA)
-    with pytest.raises(UserError, match="'toy' gives no depth"):
+    with pytest.raises(UserError, match="'toy' returns no depth"):
         list(predicted_depth("toy", lambda *_: Perception(0.5), frame, mirror=False))
 
 

@@ -30,7 +30,7 @@ def test_only_held_out_pictures_are_measured(held: Path, tmp_path: Path) -> None
     assert {s.place for s in part.samples} == {"site-0", "site-1"}
     assert len(part.samples) == 8
     held.write_text("source,image,place,half\nother,room00/0.png,a,1\n")
-    with pytest.raises(UserError, match="none of the held-out pictures"):
+    with pytest.raises(UserError, match="none of the held-out images"):
         held_sets([tmp_path / "site"], read_held(held))
 
 

@@ -83,7 +83,7 @@ def test_a_damaged_picture_is_left_out_and_named(nyu):
     assert {len(records) for records in runs.records.values()} == {2}
     for picture in (nyu / "images").iterdir():
         picture.write_bytes(b"damaged")
-    with pytest.raises(UserError, match="no picture is left"):
+    with pytest.raises(UserError, match="no image is left"):
         run(nyu)
 
 

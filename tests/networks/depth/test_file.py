@@ -200,7 +200,7 @@ def test_one_of_several_outputs(tmp_path: Path) -> None:
         ((1, 3, 24, 32), {"width": 24, "height": 24}, "expected 24x24 pixels as its sidecar says"),
         ((1, 4, 24, 32), {}, "expected 3 colour channels in layout nchw"),
         ((1, 3, 24, 32), {"layout": "nhwc"}, "expected 3 colour channels in layout nhwc"),
-        ((2, 3, 24, 32), {}, "expected one picture of shape (1, 3, h, w)"),
+        ((2, 3, 24, 32), {}, "expected one image of shape (1, 3, h, w)"),
         ((1, 3, 24, 32), {"input": "image"}, "has no input 'image'; it has pixel_values"),
     ],
 )
@@ -274,7 +274,7 @@ def test_a_sidecar_s_checksum_holds(tmp_path: Path) -> None:
         load(str(path))
     data = path.read_bytes()
     path.write_bytes(data[: len(data) // 2])
-    with pytest.raises(UserError, match="it is damaged or no ONNX file"):
+    with pytest.raises(UserError, match="it is damaged or not an ONNX file"):
         load(str(with_sidecar(path, SPEC)))
 
 
@@ -293,5 +293,5 @@ def test_joined_with_a_floor_relative_depth_counts_as_depth(tmp_path: Path) -> N
     other = load(f"{path}+{door}", threads=1)(picture(0), CAMERA)
     assert other.relative is None
     assert other.depth_m is not None
-    with pytest.raises(CallError, match="gives depth without metres, which are needed here"):
+    with pytest.raises(CallError, match="returns depth without metres, which are needed here"):
         load(f"{srin}+{path}", threads=1, needs=("p_open", "depth"))

@@ -68,7 +68,7 @@ def test_where_no_link_can_be_made_pictures_are_copied(
 def test_folders_of_others_are_left_alone(site: Path, tmp_path: Path) -> None:
     pictures = Pictures(site)
     for inside in (site, site / "classes"):
-        with pytest.raises(UserError, match="lies among the pictures"):
+        with pytest.raises(UserError, match="lies among the images"):
             export_classes(pictures, {"a.jpg": "open"}, inside)
     other = tmp_path / "other"
     (other / "open-door").mkdir(parents=True)
@@ -77,6 +77,6 @@ def test_folders_of_others_are_left_alone(site: Path, tmp_path: Path) -> None:
         export_classes(pictures, {"a.jpg": "open"}, other)
     assert (other / "open-door" / "a.jpg").read_text() == "theirs"
     (other / ".3ds-label.json").write_text('["open-door/../../site/a.jpg"]')
-    with pytest.raises(UserError, match="no list of an earlier export"):
+    with pytest.raises(UserError, match="not a list of an earlier export"):
         export_classes(pictures, {"b.png": "open"}, other)
     assert (site / "a.jpg").exists()

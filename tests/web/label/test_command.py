@@ -64,7 +64,7 @@ def test_what_is_marked_is_measured_on(cli: Cli, site: Path) -> None:
 def test_a_folder_per_class(cli: Cli, site: Path, tmp_path: Path) -> None:
     ran = cli("label", site, "--classes", "classes")
     assert ran.status == 1
-    assert "marks no picture yet" in ran.err
+    assert "marks no image yet" in ran.err
     (site / "doorways.csv").write_text("image,open,left_px,right_px\na.jpg,1,5,9\nb.png,0,,\n")
     ran = cli("label", site, "--classes", "classes")
     assert (ran.status, ran.out) == (0, "classes: 1 no-door, 1 open-door\n")
@@ -92,11 +92,11 @@ def test_a_table_of_others_stops_it(cli: Cli, site: Path, content: str, message:
 def test_wrong_calls_are_one_line(cli: Cli, site: Path, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     for call, status, message in (
-        (["nothing"], 1, "expected a folder of pictures"),
-        (["empty"], 1, "holds no picture"),
+        (["nothing"], 1, "expected a folder of images"),
+        (["empty"], 1, "holds no image"),
         ([site, "--host", "0.0.0.0"], 2, "--token"),
         ([site, "--camera", "nothing.yaml"], 2, "neither a preset"),
-        ([site, "--classes", site / "classes"], 1, "marks no picture"),
+        ([site, "--classes", site / "classes"], 1, "marks no image"),
     ):
         ran = cli("label", *call, "--port", "0", "--network", "net.onnx")
         assert (ran.status, ran.err.count("\n")) == (status, 1), ran

@@ -128,8 +128,8 @@ HEADER = "image,open,left_px,right_px,clear,confidence,second,state\n"
         (HEADER + "a.jpg,0,,,,3,0,ajar\n", "line 2: expected a state of none, closed, got 'ajar'"),
         (HEADER + "a.jpg,0,,,,3,0,\na.jpg,0,,,,3,0,\n", "line 3: a second row"),
         (HEADER + "a.jpg,1,1,2,,3,0,\na.jpg,0,,,,3,1,\n", "line 3: a row without an opening"),
-        ("image,open,left_px,right_px,fx_px\na.jpg,0,,,300\n", "exact truth of rendered pictures"),
-        (HEADER + 'a.jpg,0,,,,3,0,"no', "no CSV file"),
+        ("image,open,left_px,right_px,fx_px\na.jpg,0,,,300\n", "exact truth of rendered images"),
+        (HEADER + 'a.jpg,0,,,,3,0,"no', "not a CSV file"),
     ],
 )
 def test_a_table_that_is_damaged_or_anothers_is_refused_and_kept(

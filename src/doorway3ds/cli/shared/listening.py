@@ -22,21 +22,22 @@ if TYPE_CHECKING:
 TOKEN_VARIABLE = "DOORWAY3DS_TOKEN"
 _TOKEN = re.compile(r"[A-Za-z0-9._~-]{8,256}")
 
-Host = Annotated[str, typer.Option(help="0.0.0.0 for other devices.")]
-Port = Annotated[int, typer.Option(min=0, max=65535, help="0 takes a free one.")]
+Host = Annotated[str, typer.Option(help="Address to listen on; 0.0.0.0 for other devices.")]
+Port = Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one.")]
 Token = Annotated[
     str | None,
     typer.Option(
         envvar=TOKEN_VARIABLE,
-        help="What clients must know, or `new`; needed with --host other than this machine.",
+        help="Secret that clients send, or `new`; required if --host is not this machine.",
     ),
 ]
 TlsCert = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="PEM; default: one made on the spot.")
+    Path | None, typer.Option(metavar="FILE", help="Certificate (PEM); default: a self-signed one.")
 ]
-TlsKey = Annotated[Path | None, typer.Option(metavar="FILE", help="PEM.")]
+TlsKey = Annotated[Path | None, typer.Option(metavar="FILE", help="Key of the certificate (PEM).")]
 TlsName = Annotated[
-    list[str] | None, typer.Option(metavar="NAME", help="More names for the one made here.")
+    list[str] | None,
+    typer.Option(metavar="NAME", help="Further name of the self-signed certificate; repeatable."),
 ]
 
 
@@ -124,7 +125,7 @@ def _certificate(chain: Path | None, key: Path | None, names: tuple[str, ...]) -
     from doorway3ds.web.base import tls
 
     if (chain is None) != (key is None):
-        raise CallError("--tls-cert and --tls-key go together; give both or neither")
+        raise CallError("--tls-cert and --tls-key go together; pass both or neither")
     if chain is not None and key is not None:
         return tls.given(chain, key)
     return tls.self_signed(_private_folder(), names)

@@ -14,7 +14,7 @@ from doorway3ds.options import Options, Setting, check
 
 # reproduce, eval
 Network = Annotated[
-    str, typer.Option(metavar="NAME[+NAME]", help="See `3ds models`; or an .onnx file.")
+    str, typer.Option(metavar="NAME[+NAME]", help="Network, one of `3ds models` or an .onnx file.")
 ]
 Mirror = Annotated[
     bool,

@@ -28,7 +28,7 @@ RunFolder = Annotated[
     Path | None,
     typer.Option(
         "--log", "--record", metavar="DIR",
-        help="Folder for images and decisions, for `3ds replay`; of a robot's run by default "
+        help="Folder for images and decisions, read by `3ds replay`; default of a robot's run: "
         "3ds-run-DATE-TIME.",
     ),
 ]  # fmt: skip

@@ -170,7 +170,7 @@ def _lines(source: str) -> Iterator[str]:
                 if name and not name.startswith("#"):
                     yield name
     except UnicodeDecodeError as error:
-        raise UserError(f"{source} is no list of names: expected UTF-8, one a line") from error
+        raise UserError(f"{source} is not a list of names: expected UTF-8, one a line") from error
     except OSError as error:
         raise UserError(f"{source} cannot be read: {_reason(error)}") from error
 
@@ -192,7 +192,9 @@ def _members(source: str) -> Iterator[Item]:
                 elif (inside := tar.extractfile(member)) is not None:
                     yield Item(name, data=inside.read(MAX_BYTES + 1))
     except (tarfile.TarError, EOFError, OSError) as error:
-        raise UserError(f"{source} is no tar archive that can be read: {_reason(error)}") from error
+        raise UserError(
+            f"{source} is not a tar archive that can be read: {_reason(error)}"
+        ) from error
 
 
 def _table(source: str) -> Iterator[Item]:
@@ -214,7 +216,7 @@ def _table(source: str) -> Iterator[Item]:
                     row += 1
     except (pyarrow.ArrowException, OSError) as error:
         raise UserError(
-            f"{source} is no Parquet file that can be read: {_reason(error)}"
+            f"{source} is not a Parquet file that can be read: {_reason(error)}"
         ) from error
 
 

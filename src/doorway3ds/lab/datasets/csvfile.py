@@ -35,10 +35,10 @@ def csv_rows(path: Path, columns: Sequence[str]) -> list[tuple[str, Row]]:
             if None in row or None in row.values():
                 raise UserError(f"{where}: expected {len(reader.fieldnames or [])} fields")
             if not row["image"]:
-                raise UserError(f"{where}: names no picture")
+                raise UserError(f"{where}: names no image")
             rows.append((where, {k: v.strip() for k, v in row.items()}))
     except csv.Error as error:
-        raise UserError(f"{path} is no CSV file: {error}") from error
+        raise UserError(f"{path} is not a CSV file: {error}") from error
     return rows
 
 
@@ -48,7 +48,7 @@ def csv_columns(path: Path) -> list[str]:
         text, delimiter = _read(path)
         return next(csv.reader(io.StringIO(text, newline=""), delimiter=delimiter), [])
     except csv.Error as error:
-        raise UserError(f"{path} is no CSV file: {error}") from error
+        raise UserError(f"{path} is not a CSV file: {error}") from error
 
 
 def _read(path: Path) -> tuple[str, str]:
@@ -63,7 +63,7 @@ def _read(path: Path) -> tuple[str, str]:
     try:
         text = data.decode("utf-16" if marked else bare or "utf-8-sig")
     except UnicodeDecodeError as error:
-        raise UserError(f"{path} is no CSV file in UTF-8 or UTF-16: {error}") from error
+        raise UserError(f"{path} is not a CSV file in UTF-8 or UTF-16: {error}") from error
     text = re.sub(r"\A\ufeff?(?:sep=.\r?\n)?", "", text)
     head = text.partition("\n")[0]
     return text, max(",;\t", key=head.count)

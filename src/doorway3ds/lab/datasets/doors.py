@@ -131,7 +131,7 @@ def _require_classes(
             if left_out:
                 why += "{}: {}".format(*next(iter(left_out.items())))
             raise UserError(
-                f"{path} has no readable picture of class {name}; two classes are needed{why}"
+                f"{path} has no readable image of class {name}; two classes are needed{why}"
             )
 
 

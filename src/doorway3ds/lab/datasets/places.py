@@ -205,7 +205,7 @@ def _by_pattern(names: Sequence[str], pattern: str) -> tuple[str, ...]:
     try:
         expression = re.compile(pattern)
     except re.error as error:
-        raise CallError(f"--group-pattern is no regular expression: {error}") from error
+        raise CallError(f"--group-pattern is not a regular expression: {error}") from error
     if not expression.groups:
         raise CallError("--group-pattern needs one group in parentheses, as in '(room\\d+)_'")
     found = []
@@ -233,8 +233,8 @@ def split(
         holding = sum(counts[position] > 0 for counts in of_group.values())
         if holding < 2:
             raise UserError(
-                f"class {name} has all its pictures in {holding} group; expected at least 2, "
-                f"so that one can be held out: add pictures of other places"
+                f"class {name} has all its images in {holding} group; expected at least 2, "
+                f"so that one can be held out: add images of other places"
             )
     total = np.sum(list(of_group.values()), axis=0)
     wanted = np.maximum(share * total, 1.0)
@@ -259,7 +259,7 @@ def split(
             if np.any((taken + of_group[smallest] >= total) & (of_group[smallest] > 0)):
                 raise UserError(
                     f"no group can be held out for class {name} without emptying a class; "
-                    f"add pictures of other places"
+                    f"add images of other places"
                 )
             taken = taken + of_group[smallest]
             held.add(smallest)

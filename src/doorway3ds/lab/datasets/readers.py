@@ -93,7 +93,7 @@ def read_dataset(
     line, on a folder of no known layout and on damaged or missing files.
     """
     if not path.is_dir():
-        raise UserError(f"expected a folder with marked pictures, got {path}")
+        raise UserError(f"expected a folder with marked images, got {path}")
     layout = layout or guess_layout(path)
     if layout not in LAYOUTS:
         raise CallError(f"expected a layout of {', '.join(LAYOUTS)}, got '{layout}'")
@@ -113,7 +113,7 @@ def read_dataset(
         samples = [replace(s, place=places[s.name]) for s in samples]
         known = True
     if not samples:
-        raise UserError(f"{path} holds no marked pictures ({layout} layout)")
+        raise UserError(f"{path} holds no marked images ({layout} layout)")
     return Dataset(path, layout, tuple(sorted(samples, key=lambda s: s.name)), known)
 
 
@@ -191,7 +191,7 @@ def _read_doorways(path: Path, layout: str) -> tuple[list[Sample], bool]:
                 for m in marks
             )
             if any(m.left_px >= m.right_px for m in marks):
-                raise UserError(f"{where}: the opening lies outside the picture")
+                raise UserError(f"{where}: the opening lies outside the image")
         by_hand = layout != "rendered"
         if by_hand and marks and all(row.get("state") == HALF_OPEN for _, row in rows):
             sample = replace(sample, is_open=None)
@@ -286,7 +286,7 @@ def _read_eyes(path: Path) -> dict[str, tuple[Camera, Pose, list[str]]]:
             eyes[str(told["image"])] = (Camera(**camera), Pose(**told["pose"]), in_view)
         except (ValueError, KeyError, TypeError) as error:
             raise UserError(
-                f"{path} line {line_number}: expected a picture's camera and pose, {error!r}"
+                f"{path} line {line_number}: expected an image's camera and pose, {error!r}"
             ) from error
     return eyes
 
@@ -394,11 +394,11 @@ def _read_folders(path: Path) -> tuple[list[Sample], bool]:
 
 def _existing(path: Path, name: str, where: str) -> Path:
     if Path(name).is_absolute() or ".." in Path(name).parts:
-        raise UserError(f"{where}: expected a picture's name below the folder, got '{name}'")
+        raise UserError(f"{where}: expected an image's name below the folder, got '{name}'")
     for candidate in (path / "images" / name, path / name):
         if candidate.is_file():
             return candidate
-    raise UserError(f"{where}: there is no picture {name} in {path / 'images'}")
+    raise UserError(f"{where}: there is no image {name} in {path / 'images'}")
 
 
 def _class_key(name: str) -> str:

@@ -113,7 +113,7 @@ def load_depth(sample: Sample) -> NDArray[np.float32] | None:
         return None
     raw = cv2.imread(str(sample.depth_path), cv2.IMREAD_UNCHANGED)
     if raw is None or raw.ndim != 2:
-        raise UserError(f"{sample.depth_path} is no one-channel depth picture that can be read")
+        raise UserError(f"{sample.depth_path} is not a one-channel depth image that can be read")
     counts = _cropped(raw, sample)
     depth = counts.astype(np.float32) * np.float32(sample.depth_unit_m)
     depth[counts == 0] = np.nan
@@ -128,7 +128,7 @@ def load_labels(sample: Sample) -> NDArray[np.uint8] | None:
         return None
     labels = cv2.imread(str(sample.labels_path), cv2.IMREAD_UNCHANGED)
     if labels is None or labels.ndim != 2 or labels.dtype != np.uint8:
-        raise UserError(f"{sample.labels_path} is no 8-bit one-channel label picture")
+        raise UserError(f"{sample.labels_path} is not an 8-bit one-channel label image")
     return np.asarray(_cropped(labels, sample), np.uint8)
 
 
@@ -174,7 +174,7 @@ def held_out(dataset: Dataset, fold: int, folds: int) -> Dataset:
     """The samples of one fold of places."""
     if not dataset.places_known:
         raise UserError(
-            f"{dataset.path} does not say which pictures share a place, so none can be held out; "
+            f"{dataset.path} does not say which images share a place, so none can be held out; "
             "add a 'place' column or give --places FILE"
         )
     of_place = place_folds((s.place for s in dataset.samples), folds)
@@ -199,7 +199,7 @@ def only_named(dataset: Dataset, names: Sequence[str]) -> Dataset:
     missing = sorted(wanted - {s.name for s in kept})
     if missing:
         raise UserError(
-            f"{len(missing)} of the listed pictures are not in {dataset.path}, first '{missing[0]}'"
+            f"{len(missing)} of the listed images are not in {dataset.path}, first '{missing[0]}'"
         )
     return replace(dataset, samples=kept)
 

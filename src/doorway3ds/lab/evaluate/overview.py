@@ -122,7 +122,7 @@ def held_sets(folders: Sequence[Path], held: Mapping[str, HeldOut]) -> list[Held
         places = told.places
         own = tuple(replace(s, place=places[s.name]) for s in dataset.samples if s.name in places)
         if not own:
-            raise UserError(f"none of the held-out pictures is in {folder}")
+            raise UserError(f"none of the held-out images is in {folder}")
         name = folder.resolve().name
         found.append(HeldSet(name, own, dataset.layout == "boxes", told.halves))
         low = tuple(s for s in own if (s.pose.height_m or math.inf) < ROBOT_LOW_M)

@@ -157,7 +157,7 @@ def methods_on(
         seen = Perception(p_open=1.0) if network is None else network(frame.image, frame.camera)
         if truth_depth or network is None:
             if depth_m is None:
-                raise UserError("true depth is asked for and a picture has none")
+                raise UserError("true depth is asked for and an image has none")
             seen = replace(seen, depth_m=depth_m, depth_error=0.0, relative=None)
         seen = in_metres(seen, frame)
         if open_gate:
@@ -347,7 +347,7 @@ def predicted_depth(
     def depth_of(frame: Frame) -> NDArray[np.float32]:
         depth_m = in_metres(network(frame.image, frame.camera), frame).depth_m
         if depth_m is None:
-            raise UserError(f"network '{name}' gives no depth")
+            raise UserError(f"network '{name}' returns no depth")
         return depth_m
 
     plain = depth_of(frame)
@@ -413,4 +413,4 @@ def _by_name_end(answers: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, A
 def _some_left(records: Mapping[Any, Sequence[Any]], left_out: Mapping[str, str]) -> None:
     if not any(records.values()):
         why = next(iter(left_out.values()), "the selection holds none")
-        raise UserError(f"no picture is left to score: {why}")
+        raise UserError(f"no image is left to score: {why}")

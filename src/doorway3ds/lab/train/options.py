@@ -21,14 +21,15 @@ _MANY = 1_000_000
 class GroupOptions(Options):
     """Which pictures are never split between training and held out."""
 
-    panel: ClassVar[str] = "Pictures"
+    panel: ClassVar[str] = "Images"
 
     group: str = option(
         "auto",
-        "What is never split: auto (places named by the data, else near-duplicates), near, folder.",
+        "Groups that stay whole: auto (places named by the data, else near-duplicates), near or "
+        "folder.",
     )
     group_pattern: str | None = option(
-        None, "Place = its first group, in the file's name.", metavar="REGEX"
+        None, "Pattern whose first group in the file's name is the place.", metavar="REGEX"
     )
 
     def choice(self, seed: int) -> Choice:
@@ -44,15 +45,15 @@ class GroupOptions(Options):
 class PairOptions(GroupOptions):
     """The same of pictures with depth."""
 
-    limit: int | None = option(None, "At most so many pictures.", low=2, high=_MANY)
+    limit: int | None = option(None, "Largest number of images.", low=2, high=_MANY)
 
 
 @dataclass(frozen=True)
 class SiteOptions(GroupOptions):
     """The same of pictures with and without an open doorway."""
 
-    places: Path | None = option(None, "CSV: image, place.", metavar="FILE")
-    half_open: str = option("leave-out", "Half-open doors: leave-out, open or not-open.")
+    places: Path | None = option(None, "CSV with columns image, place.", metavar="FILE")
+    half_open: str = option("leave-out", "Class of half-open doors: leave-out, open or not-open.")
 
     def read_places(self) -> dict[str, str] | None:
         """The place of each picture by name; None unless a file says it."""
@@ -65,8 +66,10 @@ class SiteOptions(GroupOptions):
 class ClassOptions(SiteOptions):
     """The same of a data set in classes."""
 
-    layout: str | None = option(None, "Layout, as of `3ds eval`; told from the files if left out.")
-    limit: int | None = option(None, "At most so many per class.", low=1, high=_MANY)
+    layout: str | None = option(
+        None, "Layout, as in `3ds eval`; default: recognised from the files."
+    )
+    limit: int | None = option(None, "Largest number of images per class.", low=1, high=_MANY)
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,7 @@ class StartOptions(Options):
 
     weights: str = option(
         "imagenet",
-        "First weights: Keras' download, random, or an HDF5 file of Keras 1 or 2.",
+        "Initial weights: Keras' download, random, or an HDF5 file of Keras 1 or 2.",
         metavar="imagenet|none|FILE",
     )
     validation: float = option(0.2, "Share held out.", low=0.01, high=0.9)
@@ -93,16 +96,16 @@ class StartOptions(Options):
 class TrainOptions(StartOptions):
     """How a network is trained."""
 
-    epochs: int = option(20, "Times that every picture is seen.", low=1, high=_MANY)
+    epochs: int = option(20, "Passes over the training images.", low=1, high=_MANY)
     learning_rate: float = option(1e-3, "Learning rate of Adam.", low=1e-12, high=10)
-    batch: int = option(32, "Pictures per step.", low=1, high=_MANY)
+    batch: int = option(32, "Images per step.", low=1, high=_MANY)
     patience: int = option(
         0,
-        "Stop after so many epochs without gain, keep the best; 0: never.",
+        "Stop after N epochs without gain and keep the best; 0: never.",
         low=0,
         high=_MANY,
     )
-    precision: str = option("auto", "auto (bfloat16 on a GPU), float32, bfloat16.")
+    precision: str = option("auto", "Arithmetic: auto (bfloat16 on a GPU), float32 or bfloat16.")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -113,9 +116,9 @@ class TrainOptions(StartOptions):
 class SrinOptions(TrainOptions):
     """How CNN-SRIN is trained."""
 
-    copies: int = option(0, "Augmented copies of each training picture.", low=0, high=_MANY)
+    copies: int = option(0, "Augmented copies of each training image.", low=0, high=_MANY)
     fine_tune: int = option(
-        0, "Then train VGG16's top block, too.", low=0, high=_MANY, metavar="EPOCHS"
+        0, "Epochs that then train VGG16's top block, too.", low=0, high=_MANY, metavar="EPOCHS"
     )
 
 
@@ -124,14 +127,20 @@ class DepthOptions(TrainOptions):
     """How DenseDepth is trained."""
 
     learning_rate: float = option(1e-4, "Learning rate of Adam.", low=1e-12, high=10)
-    batch: int = option(4, "Pictures per step.", low=1, high=_MANY)
+    batch: int = option(4, "Images per step.", low=1, high=_MANY)
     validation: float = option(0.1, "Share held out.", low=0.01, high=0.9)
-    setting: str = option("nyu", "nyu: 480x640, 0.1 to 10 m. kitti: 384x1280, 1 to 80 m.")
-    freeze_encoder: bool = option(False, "As the paper's text; its code trains it.")
-    augment: bool = option(
-        True, "Mirrored, colour channels swapped.", names=("--augment/--no-augment",)
+    setting: str = option(
+        "nyu", "Size and range: nyu, 480x640 and 0.1 to 10 m; kitti, 384x1280 and 1 to 80 m."
     )
-    half_decoder: bool = option(False, "Half as many filters: the code's own default.")
+    freeze_encoder: bool = option(
+        False, "Keep the encoder fixed, as in the paper's text; its code trains it."
+    )
+    augment: bool = option(
+        True, "Mirror images and swap colour channels at random.", names=("--augment/--no-augment",)
+    )
+    half_decoder: bool = option(
+        False, "Halve the number of filters: the default of the paper's code."
+    )
 
 
 @dataclass(frozen=True)
@@ -140,8 +149,8 @@ class RunOptions(Options):
 
     panel: ClassVar[str] = "Run"
 
-    resume: bool = option(False, "Go on from the checkpoint in --out.")
-    tensorboard: bool = option(False, "Write OUT/tensorboard, too, beside the CSV logs.")
+    resume: bool = option(False, "Continue from the checkpoint in --out.")
+    tensorboard: bool = option(False, "Write OUT/tensorboard in addition to the CSV logs.")
     threads: int | None = option(None, "CPU threads; default: all.", low=1, high=4096)
 
 
@@ -149,7 +158,7 @@ class RunOptions(Options):
 class FileOptions(RunOptions):
     """The same of a network that `--network` finds by its name."""
 
-    licence: str | None = option(None, "Licence of the pictures; noted on the card.")
+    licence: str | None = option(None, "Licence of the images, noted on the card.")
     install: bool = option(
         True, "Let `--network` find the file by name.", names=("--install/--no-install",)
     )

@@ -148,7 +148,7 @@ def _fit(spec: DepthSpec, seen: Signature, path: Path) -> tuple[DepthSpec, Shape
         return UserError(f"network file {path}: expected {expected}, got an input of shape {got}")
 
     if len(shape) != 4 or shape[0] not in (1, None):
-        raise wrong("one picture of shape (1, 3, h, w) or (1, h, w, 3)")
+        raise wrong("one image of shape (1, 3, h, w) or (1, h, w, 3)")
     layout = spec.layout or ("nhwc" if shape[3] == 3 and shape[1] != 3 else "nchw")
     channels = shape[1] if layout == "nchw" else shape[3]
     if channels not in (3, None):

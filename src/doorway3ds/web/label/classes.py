@@ -33,7 +33,7 @@ def export_classes(pictures: Pictures, states: Mapping[str, str], out: Path) -> 
     """
     root = pictures.root.resolve()
     if out.resolve() == root or root in out.resolve().parents:
-        raise UserError(f"{out} lies among the pictures of {root}; choose a folder outside")
+        raise UserError(f"{out} lies among the images of {root}; choose a folder outside")
     before = _listed(out)
     wanted: dict[str, Path] = {}
     for number, name in enumerate(pictures.names):
@@ -60,11 +60,11 @@ def _listed(out: Path) -> set[str]:
             ) from None
         return set()
     except (OSError, ValueError, TypeError) as error:
-        raise UserError(f"{file} is no list of an earlier export: {error}") from error
+        raise UserError(f"{file} is not a list of an earlier export: {error}") from error
     for name in listed:
         parts = PurePosixPath(name).parts
         if len(parts) < 2 or parts[0] not in FOLDERS.values() or ".." in parts:
-            raise UserError(f"{file} is no list of an earlier export: it names {name!r}")
+            raise UserError(f"{file} is not a list of an earlier export: it names {name!r}")
     return listed
 
 

@@ -114,7 +114,7 @@ def from_rows(rows: Sequence[tuple[str, Row]]) -> Marks:
     if flag(main, "open", where) is None:
         raise UserError(f"{where}: expected open 0 or 1, got nothing")
     if len(rows) > 1:
-        raise UserError(f"{rows[1][0]}: a second row of a picture without an opening")
+        raise UserError(f"{rows[1][0]}: a second row of an image without an opening")
     return Marks((), _state(main, where, _SHUT_STATES) == "closed", _confidence(main, where))
 
 

@@ -57,14 +57,14 @@ class Pictures:
 
     def __init__(self, folder: Path, guesser: Guesser | None = None) -> None:
         if not folder.is_dir():
-            raise UserError(f"expected a folder of pictures, got {folder}")
+            raise UserError(f"expected a folder of images, got {folder}")
         root = folder / "images"
         found = list(_below(root)) if root.is_dir() else []
         if not found:
             root, found = folder, list(_below(folder))
         if not found:
             raise UserError(
-                f"{folder} holds no picture; expected .jpg, .png, .webp, .tif, .bmp or .ppm"
+                f"{folder} holds no image; expected .jpg, .png, .webp, .tif, .bmp or .ppm"
             )
         self.folder = folder
         self.root = root

@@ -101,8 +101,8 @@ class Table:
             found = csv_rows(self.path, NEEDED)
             if "fx_px" in columns:
                 raise UserError(
-                    f"{self.path} holds the exact truth of rendered pictures (column fx_px), which "
-                    "no hand improves; label a copy of the pictures without it"
+                    f"{self.path} holds the exact truth of rendered images (column fx_px), which "
+                    "no hand improves; label a copy of the images without it"
                 )
             for where, row in found:
                 grouped.setdefault(row["image"], []).append((where, row))

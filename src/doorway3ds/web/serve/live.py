@@ -217,7 +217,7 @@ class Live:
         newest = self.newest
         if silent is not None and newest and newest.decision.reason is not Reason.LOST:
             self._keep(silent, 0.0)
-        self._enter("waiting", problem or "no picture comes")
+        self._enter("waiting", problem or "no image arrives")
 
     def _lose(self, problem: str) -> None:
         """No further picture will come, though it should."""

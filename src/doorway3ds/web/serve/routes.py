@@ -185,7 +185,7 @@ def _snapshot(live: Live, frame: int | None) -> Snapshot:
         raise ApiError(
             503,
             "no_frame",
-            f"the source gave no picture yet{f': {live.problem}' if live.problem else ''}",
+            f"the source has sent no image yet{f': {live.problem}' if live.problem else ''}",
             {"Retry-After": "1"},
         )
     return snapshot

@@ -166,7 +166,7 @@ def test_a_plain_folder_is_answered_without_counts(tmp_path: Path) -> None:
 def test_another_number_or_class_is_refused(tmp_path: Path) -> None:
     folder = twelve(tmp_path / "data")
     write_picture(folder / "no-door" / "more.png", 64, 48)
-    with pytest.raises(UserError, match=r"expected 12 pictures .* got 13"):
+    with pytest.raises(UserError, match=r"expected 12 images .* got 13"):
         read_pictures(folder, default_camera)
     (folder / "no-door" / "more.png").unlink()
     (folder / "no-door").rename(folder / "half-open")

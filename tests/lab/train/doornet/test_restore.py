@@ -114,5 +114,5 @@ def test_another_step_between_the_same_weights_is_noticed(exported: Path, tmp_pa
     node.op_type = "Exp"
     path = tmp_path / "other.onnx"
     onnx.save(graph, str(path))
-    with pytest.raises(UserError, match="gives other answers"):
+    with pytest.raises(UserError, match="its answers differ"):
         restore(path)

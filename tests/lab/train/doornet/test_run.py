@@ -257,7 +257,7 @@ def test_what_was_learned_is_blended_with_what_it_began_with(
     [
         ("stages: [{epochs: 1, learning_rate: 0.1, warmth: 3}]", "unknown warmth"),
         ("batch: 4", "needs a list `stages`"),
-        ("{", "is no YAML"),
+        ("{", "is not valid YAML"),
         ("stages: [{epochs: 1, learning_rate: fast}]", "learning_rate must be a number"),
         ("{stages: [{epochs: 1, learning_rate: 1}], same_place: near}", "same_place must be a n"),
         ("{stages: [{epochs: 1, learning_rate: 1}], closed_weight: -1}", "closed_weight must be"),
@@ -310,6 +310,6 @@ def test_what_is_no_data_set_is_refused(
     tmp_path: Path, teachers: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["train", "doornet", str(tmp_path), "--teachers", str(teachers)]) == 1
-    assert "is no data set" in capsys.readouterr().err
+    assert "is not a data set" in capsys.readouterr().err
     assert run(["train", "doornet", str(tmp_path), "--teachers", str(tmp_path)]) == 1
     assert "holds no deeplabv3" in capsys.readouterr().err

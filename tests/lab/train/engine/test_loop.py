@@ -208,7 +208,7 @@ def test_a_checkpoint_of_another_training_is_refused(tmp_path: Path) -> None:
 
 
 def test_no_pictures_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="no training pictures"):
+    with pytest.raises(UserError, match="no training images"):
         make(tmp_path, data=Noisy(0))
 
 

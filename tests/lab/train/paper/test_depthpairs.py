@@ -45,13 +45,13 @@ def test_missing_damaged_and_mismatched_depth_is_left_out_and_named(tmp_path: Pa
     why = {Path(name).stem: reason for name, reason in pairs.left_out.items()}
     assert sorted(why) == ["01", "02", "03", "04", "06"]
     assert why["01"] == "has no depth file"
-    assert "is no one-channel depth picture that can be read" in why["02"]
+    assert "is not a one-channel depth image that can be read" in why["02"]
     assert "different aspects: 96x72 and 72x72" in why["03"]
     assert why["04"] == "has no known depth at all"
     assert len(pairs.samples) == 3
     for file in (folder / "depth").iterdir():
         file.unlink()
-    with pytest.raises(UserError, match=r"no picture with readable depth; images/00\.png"):
+    with pytest.raises(UserError, match=r"no image with readable depth; images/00\.png"):
         read_depth_pairs(folder, SMALL, unit_m=0.001)
 
 

@@ -115,7 +115,7 @@ def test_what_is_not_marked_counts_by_its_folder(tmp_path: Path) -> None:
     [
         (3, 6, "", "shows 3 places .* at least 8 are needed"),
         (3, 4, "", "has 6 readable pictures of class no-door; at least 8"),
-        (8, 2, "open-door", "no readable picture of class open-door; two classes are needed"),
+        (8, 2, "open-door", "no readable image of class open-door; two classes are needed"),
     ],
 )
 def test_too_little_is_refused_in_one_line(

@@ -187,7 +187,7 @@ def read_pictures(path: Path, fit: FitCamera) -> tuple[Sample, ...]:
             raise UserError(f"{path}: {half[0]} is half open; the paper's classes are open or not")
     if len(samples) != printed.PICTURES:
         raise UserError(
-            f"expected {printed.PICTURES} pictures in {path}, as in the paper's Tables 1 and 2, "
+            f"expected {printed.PICTURES} images in {path}, as in the paper's Tables 1 and 2, "
             f"got {len(samples)}"
         )
     return tuple(replace(s, fit=fit) if s.camera is None else s for s in samples)

@@ -87,5 +87,5 @@ class TruthNetwork:
         from doorway3ds.lab.sim.pictures.perceive import perceive
 
         if self._world.last is None:
-            raise UserError("network truth knows only pictures of its source")
+            raise UserError("network truth knows only images of its source")
         return perceive(self._world.last)[1]

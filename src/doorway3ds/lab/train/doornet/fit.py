@@ -86,7 +86,7 @@ class Sampler:
 
     def __init__(self, samples: Sequence[Sample], config: FitConfig, augment: AugmentConfig):
         if not samples:
-            raise UserError("no training pictures were found in the given data sets")
+            raise UserError("no training images were found in the given data sets")
         self._config, self._augment = config, augment
         self._pools: dict[str, tuple[list[Sample], list[Sample]]] = {}
         for sample in samples:
@@ -106,7 +106,7 @@ class Sampler:
         weights = np.array([dict(shares or {}).get(name, 1.0) for name in self._pools], float)
         if not weights.any():
             raise UserError(
-                f"the recipe's shares leave nothing of the pictures given: {', '.join(self._pools)}"
+                f"the recipe's shares leave nothing of the images given: {', '.join(self._pools)}"
             )
         return np.asarray(weights / weights.sum())
 

@@ -98,7 +98,9 @@ def read_recipe(path: Path | None = None) -> Recipe:
     except OSError as error:
         raise UserError(f"cannot read the recipe {name}: {error.strerror}") from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise UserError(f"the recipe {name} is no YAML: {str(error).splitlines()[0]}") from error
+        raise UserError(
+            f"the recipe {name} is not valid YAML: {str(error).splitlines()[0]}"
+        ) from error
     if not isinstance(values, Mapping) or not values.get("stages"):
         raise UserError(f"the recipe {name} needs a list `stages` of {{epochs, learning_rate}}")
     values = dict(values)

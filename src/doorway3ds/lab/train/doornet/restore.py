@@ -89,7 +89,7 @@ def restore(path: Path) -> Restored:
     difference = _difference(net, calibration, path)
     if not difference <= onnxfile.BOUND:
         raise UserError(
-            f"{path} cannot be trained further: restored, it gives other answers (up to "
+            f"{path} cannot be trained further: restored, its answers differ (up to "
             f"{difference:.1e} of the largest output, at most {onnxfile.BOUND:g} is accepted)"
         )
     return Restored(net, calibration, metadata)

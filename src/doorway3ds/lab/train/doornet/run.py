@@ -100,10 +100,10 @@ def read_all(folders: Sequence[Path], teachers: Teachers, recipe: Recipe) -> lis
             found = _READERS[guess_layout(folder)](folder)
         else:
             raise UserError(
-                f"{folder} is no data set: expected doorways.csv or boxes.csv beside images/"
+                f"{folder} is not a data set: expected doorways.csv or boxes.csv beside images/"
             )
         if not found:
-            raise UserError(f"{folder} lists no picture")
+            raise UserError(f"{folder} lists no image")
         samples += found
     samples = add_depth(samples, teachers.depth, recipe.pseudo.depth)
     return add_segments(samples, teachers.semantic, recipe.pseudo.segments)
@@ -359,4 +359,4 @@ def read_calibration(path: Path) -> tuple[Calibration, dict[str, Any]]:
     except OSError as error:
         raise UserError(f"cannot read the card {path}: {error.strerror}") from error
     except (ValueError, KeyError, TypeError) as error:
-        raise UserError(f"{path} is no card of a training with held-out places") from error
+        raise UserError(f"{path} is not a card of a training with held-out places") from error

@@ -148,7 +148,7 @@ def tune_run(
     if not card["held_out"]:
         raise UserError(
             f"{network_file} was trained with nothing held out; its limits must be chosen on "
-            "pictures that it has not seen: train with --hold-out K/N"
+            "images that it has not seen: train with --hold-out K/N"
         )
     parts = held_sets(datasets, read_held(folder / "held-out.csv"))
     parts = [part for part in parts if part.whole and not part.rough]

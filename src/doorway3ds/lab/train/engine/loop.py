@@ -122,7 +122,7 @@ class Loop:
         import keras
 
         if not train.names:
-            raise UserError("no training pictures are left")
+            raise UserError("no training images are left")
         self.model, self.losses, self.train, self.held = model, losses, train, held
         self.config, self.watcher, self.team = config, watcher, team
         self.checkpoint = folder / f"{stem}.npz"
@@ -242,7 +242,7 @@ class Loop:
             names = ", ".join(self.train.names[i] for i in indices)
             raise UserError(
                 f"training stopped: loss or gradient is not finite in epoch {epoch}, "
-                f"batch {step + 1} ({names}); look at these pictures or lower the learning rate; "
+                f"batch {step + 1} ({names}); look at these images or lower the learning rate; "
                 f"the last checkpoint is from before"
             )
         scale = min(1.0, self.config.clip_norm / max(float(norm), 1e-12))

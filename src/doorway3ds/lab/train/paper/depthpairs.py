@@ -72,12 +72,12 @@ def read_depth_pairs(
     if path.suffix.lower() == ".zip" and path.is_file():
         path = _unpacked(path, unpack or path.with_suffix(""))
     if not path.is_dir():
-        raise UserError(f"expected a folder or .zip with pictures and depth, got {path}")
+        raise UserError(f"expected a folder or .zip with images and depth, got {path}")
     found = _found(path, unit_m)
     read, left_out = groups.read_each(choice.draw(found.samples), _checked, seen)
     if not read:
         why = "{}: {}".format(*next(iter(left_out.items()))) if left_out else "none was found"
-        raise UserError(f"{path} has no picture with readable depth; {why}")
+        raise UserError(f"{path} has no image with readable depth; {why}")
     kept = [sample for sample, _ in read]
     median_m = float(np.median([median for _, (_, median) in read]))
     _require_plausible(median_m, setting, kept[0].depth_unit_m)
@@ -112,7 +112,7 @@ def _checked(sample: Sample) -> tuple[NDArray[np.bool_], float]:
     wide, deep = image.shape[1] / image.shape[0], depth.shape[1] / depth.shape[0]
     if abs(wide / deep - 1) > _ASPECT:
         raise UserError(
-            f"picture and depth have different aspects: {image.shape[1]}x{image.shape[0]} and "
+            f"image and depth have different aspects: {image.shape[1]}x{image.shape[0]} and "
             f"{depth.shape[1]}x{depth.shape[0]}"
         )
     known = depth[np.isfinite(depth) & (depth > 0)]
@@ -170,7 +170,7 @@ def _indexed(index: Path, root: Path, unit_m: float) -> list[Sample]:
             continue
         names = [part.strip() for part in line.split(",")]
         if len(names) != 2 or any(".." in Path(n).parts or Path(n).is_absolute() for n in names):
-            raise UserError(f"{index} line {number}: expected picture,depth below the folder")
+            raise UserError(f"{index} line {number}: expected image,depth below the folder")
         folder = Path(names[0]).parent
         place = folder.name if folder.name not in (".", "nyu2_test") else names[0]
         samples.append(

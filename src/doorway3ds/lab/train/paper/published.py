@@ -36,7 +36,7 @@ def read_layers(path: Path) -> Layers:
             root = file.get("model_weights", file)
             if "layer_names" not in root.attrs:
                 raise UserError(
-                    f"{path} is no weights file of Keras 1 or 2: it has no attribute layer_names"
+                    f"{path} is not a weights file of Keras 1 or 2: it has no attribute layer_names"
                 )
             found: Layers = {}
             for layer in map(_text, _attribute(root, "layer_names")):

@@ -96,7 +96,7 @@ def network_file(name: str) -> Path:
     if not path.is_file():
         raise UserError(f"no network file {path}; expected an existing .onnx file")
     if registry.kind_of(path) != "doornet":
-        raise CallError(f"{name} is no doornet; `3ds qualify` can fine-tune no other network")
+        raise CallError(f"{name} is not a doornet; `3ds qualify` can fine-tune no other network")
     return path
 
 
@@ -115,7 +115,7 @@ def read_site(
     """
     require_half_open(choice.half_open)
     if not folder.is_dir():
-        raise UserError(f"expected a folder of pictures, got {folder}")
+        raise UserError(f"expected a folder of images, got {folder}")
     layout = guess_layout(folder)
     data = read_dataset(folder, layout)
     samples, known = list(data.samples), data.places_known
@@ -138,7 +138,7 @@ def read_site(
         count = found.labels.count(label)
         if count < MIN_PICTURES:
             raise UserError(
-                f"{folder} has {count} readable pictures of class {label}; at least "
+                f"{folder} has {count} readable images of class {label}; at least "
                 f"{MIN_PICTURES} of each class are needed"
             )
     count = len(set(found.groups))
@@ -158,7 +158,7 @@ def part(pictures: DoorPictures, hold_out: float, seed: int) -> Parts:
     places = len({s.place for s in held})
     if places < MIN_HELD:
         raise UserError(
-            f"only {places} places could be held out, {MIN_HELD} are needed: add pictures of "
+            f"only {places} places could be held out, {MIN_HELD} are needed: add images of "
             f"other places, or raise --hold-out"
         )
     rest = [named[i] for i in first.train]

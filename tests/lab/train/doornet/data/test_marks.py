@@ -78,7 +78,7 @@ def test_a_wrong_row_is_named(tmp_path: Path, row: str) -> None:
 
 def test_marks_of_other_pictures_are_refused(tmp_path: Path) -> None:
     marks = read_marks(write(tmp_path, "z.jpg,1,0.1,0.4,1,3,0,door\n"))
-    with pytest.raises(UserError, match="none of the 1 marked pictures"):
+    with pytest.raises(UserError, match="none of the 1 marked images"):
         apply_marks([sample("a.jpg")], marks)
 
 

@@ -84,5 +84,5 @@ def apply_marks(samples: Sequence[Sample], marks: Mapping[str, Mark]) -> list[Sa
         return replace(sample, open=is_open, spans=spans, weight=mark.weight, extra=extra)
 
     if not any(sample.name in marks for sample in samples):
-        raise UserError(f"none of the {len(marks)} marked pictures is in the data sets")
+        raise UserError(f"none of the {len(marks)} marked images is in the data sets")
     return [marked(sample) for sample in samples]

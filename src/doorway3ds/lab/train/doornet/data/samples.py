@@ -78,7 +78,7 @@ class Sample:
 def _read(path: Path, flags: int) -> NDArray[Any]:
     image = cv2.imread(str(path), flags)
     if image is None:
-        raise UserError(f"cannot read {path} as a picture")
+        raise UserError(f"cannot read {path} as an image")
     if image.ndim == 3:
         image = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
     return np.asarray(image)
