@@ -160,7 +160,7 @@ class _Walk:
     def _peel(self, name: str, kind: str) -> tuple[str, float]:
         """(value, number) of a node that adds to or multiplies a value by one number.
 
-        A map that changes nothing leaves no node in a tidied graph: the value itself then, and 0 or 1.
+        A map that changes nothing leaves no node in a tidied graph: the value itself then.
         """
         node = self._nodes.get(name)
         if node is not None and node.op_type == kind:
