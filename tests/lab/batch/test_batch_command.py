@@ -158,11 +158,14 @@ def test_killed_and_repeated_it_ends_with_the_same_rows(cli: Cli) -> None:
 
 
 FLUSHES = """
-import sys
+import sys, time
 from doorway3ds.cli.main import run
 if __name__ == "__main__":
     from doorway3ds.lab.batch import rows
     rows.ROWS_PER_FILE = 8
+    flush = rows.DataSet.flush
+    # slow enough after each file to be killed between two of them
+    rows.DataSet.flush = lambda self: (flush(self), time.sleep(1))
     sys.exit(run(sys.argv[1:]))
 """
 
