@@ -2,8 +2,9 @@
 
     python benchmarks/batch_rate.py --images 2000 --workers 1 2
 
-Images are links to the examples under as many names. Each count of workers is a whole process, start
-included, run in turns; memory is the sum over the process and its workers, sampled four times a second.
+Images are links to the examples under as many names. Each count of workers is a whole process,
+start included, run in turns; memory is the sum over the process and its workers, sampled four times
+a second.
 """
 
 from __future__ import annotations
