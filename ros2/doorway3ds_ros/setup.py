@@ -11,7 +11,7 @@ def files(folder):
 
 setup(
     name=PACKAGE,
-    version="0.1.0",
+    version="1.0.0rc1",
     packages=[PACKAGE],
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from doorway3ds.sources.uri import open_source
     from doorway3ds.types import Decision, Frame, Opening, Perception, Reason
 
-__version__ = "0.1.0"
+__version__ = "1.0.0rc1"
 
 __all__ = [
     "Camera",
