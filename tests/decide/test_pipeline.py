@@ -140,7 +140,7 @@ def test_a_preset_sets_limits_and_gate(tmp_path: Path) -> None:
     assert pipeline(picture).open and not Pipeline(network)(picture).open
     with pytest.raises(UserError, match="no preset 'bold'; it has eager, odd"):
         Pipeline(network, preset="bold")
-    with pytest.raises(UserError, match="no object"):
+    with pytest.raises(UserError, match="not an object of limits"):
         Pipeline(network, preset="odd")
     with pytest.raises(UserError, match="names none"):
         Pipeline(Truth(), preset="eager")
