@@ -180,7 +180,7 @@ def test_shares_say_which_sources_are_drawn(rendered: Path) -> None:
     # one that is not named is drawn from, too
     sampler = Sampler(samples + other, replace(config, shares={"rendered": 0.0}), AugmentConfig())
     assert {s.source for step in range(6) for s, _ in sampler.draw(step)} == {"other"}
-    with pytest.raises(UserError, match="leave nothing of the pictures given: rendered"):
+    with pytest.raises(UserError, match="leave nothing of the images given: rendered"):
         Sampler(samples, config, AugmentConfig())
 
 
