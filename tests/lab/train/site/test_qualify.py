@@ -120,7 +120,7 @@ def test_what_is_not_marked_counts_by_its_folder(tmp_path: Path) -> None:
     ("rooms", "each", "gone", "message"),
     [
         (3, 6, "", "shows 3 places .* at least 8 are needed"),
-        (3, 4, "", "has 6 readable pictures of class no-door; at least 8"),
+        (3, 4, "", "has 6 readable images of class no-door; at least 8"),
         (8, 2, "open-door", "no readable image of class open-door; two classes are needed"),
     ],
 )
