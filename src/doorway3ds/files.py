@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import secrets
 from pathlib import Path
+from typing import Any
 
 from doorway3ds.errors import UserError
 
@@ -31,3 +33,12 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
     return path
+
+
+def write_array(path: str | os.PathLike[str], array: Any) -> Path:
+    """Writes an array as float32 in NumPy's .npy format, as `write_bytes` does and raises."""
+    import numpy as np
+
+    buffer = io.BytesIO()
+    np.save(buffer, np.asarray(array, np.float32))
+    return write_bytes(path, buffer.getvalue())

@@ -9,11 +9,11 @@ from doorway3ds.cli.sim import reason_of
 TAKEN = (
     "an error occurred when listening to one of the requested endpoints:\n"
     "failed to listen on 127.0.0.1:9559: bind: Address already in use "
-    "[system:98 at /root/.c/b/x.hpp:161 in function 'bind']"
+    "[system:98 at /build/x.hpp:161 in function 'bind']"
 )
 FORBIDDEN = (
     "an error occurred when listening to one of the requested endpoints:\n"
-    "failed to listen on 127.0.0.1:80: bind: Permission denied [system:13 at /root/.c/b/x.hpp:161]"
+    "failed to listen on 127.0.0.1:80: bind: Permission denied [system:13 at /build/x.hpp:161]"
 )
 
 

@@ -208,7 +208,9 @@ class _Files:
                 raise UserError(
                     f"{image.shown}: network {decision.perception.network} returns no depth"
                 )
-            _write_array(self.depth_dir / f"{image.stem}.npy", depth)
+            from doorway3ds.files import write_array
+
+            write_array(self.depth_dir / f"{image.stem}.npy", depth)
 
 
 def _json(name: str, decision: Decision) -> str:
@@ -243,16 +245,6 @@ def _make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise CallError(f"cannot make the folder {folder}: {error.strerror}") from error
-
-
-def _write_array(path: Path, array: Any) -> None:
-    import numpy as np
-
-    from doorway3ds.files import write_bytes
-
-    buffer = io.BytesIO()
-    np.save(buffer, np.asarray(array, np.float32))
-    write_bytes(path, buffer.getvalue())
 
 
 def _complain(message: str) -> None:

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from doorway3ds.errors import UserError
 from doorway3ds.lab.batch.items import Item
@@ -77,7 +74,7 @@ class Worker:
 
         picture = read_image(data, name=item.name)
         try:
-            return view.frame(picture.image, 0.0, focal_35mm=picture.focal_35mm)
+            return view.of_picture(picture)
         except UserError as error:
             raise UserError(f"{item.name}: {error}") from error
 
@@ -91,8 +88,6 @@ class Worker:
             write_image(self._job.annotate / f"{stem}_3ds.jpg", annotate(decision))
         depth = decision.perception.depth_m
         if self._job.depth is not None and depth is not None:
-            from doorway3ds.files import write_bytes
+            from doorway3ds.files import write_array
 
-            buffer = io.BytesIO()
-            np.save(buffer, np.asarray(depth, np.float32))
-            write_bytes(self._job.depth / f"{stem}.npy", buffer.getvalue())
+            write_array(self._job.depth / f"{stem}.npy", depth)
