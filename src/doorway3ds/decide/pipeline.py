@@ -145,7 +145,8 @@ class Pipeline:
 
         Args:
             images: as a call takes them; taken a little ahead of the answers, however many.
-            camera, pose: of all of them, as in a call.
+            camera: of all of them, as in a call.
+            pose: likewise.
             workers: images at work at a time.
 
         Returns:

@@ -203,7 +203,9 @@ def watch(
     Args:
         source: an open source, which stays the caller's, or the URI of one (`open_source`).
         pipeline: what decides; default: the packaged network and the `opening` method.
-        camera, pose, options: as `open_source` takes them, for a URI.
+        camera: as `open_source` takes it, for a URI.
+        pose: likewise.
+        options: likewise.
 
     Returns:
         A session: a context manager and an iterator of updates.

@@ -44,7 +44,8 @@ def open_source(
 
     Args:
         uri: as `3ds live` takes it, such as "webcam://0" or "walk.mp4".
-        camera, pose: outrank what the source knows of itself; functions may keep some of it.
+        camera: outranks what the source knows of itself; a function may keep some of it.
+        pose: likewise.
         options: pace (videos and folders come in their own time, as if live; default False: as fast
             as they are read), loop (start again at the end), fps (of a folder or standard input),
             patience_s (live: how long without an image until SourceLost, None: for ever);
