@@ -20,6 +20,7 @@ FOREIGN = {
         "--force-reinstall",
         "--data-binary",
         "--logdir",
+        "--system-site-packages",
         "--packages-select",
         "--nproc-per-node",
         "--module",

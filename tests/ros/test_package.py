@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import runpy
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -82,3 +84,65 @@ def test_package_xml_names_what_the_code_imports() -> None:
     depends = {one.text for one in ElementTree.parse(PACKAGE / "package.xml").iter("exec_depend")}
     imported = {"rclpy", "sensor_msgs", "geometry_msgs", "nav_msgs", "std_msgs", "std_srvs"}
     assert depends >= imported | {"visualization_msgs", "diagnostic_msgs", "launch", "launch_ros"}
+
+
+def test_colcon_builds_a_package_whose_node_starts(tmp_path: Path) -> None:
+    pytest.importorskip("colcon_ros", reason="needs colcon-common-extensions and colcon-ros")
+    shutil.copytree(PACKAGE, tmp_path / "src" / PACKAGE.name)
+    build = [sys.executable, "-m", "colcon", "build", "--packages-select", PACKAGE.name]
+    subprocess.run(build, cwd=tmp_path, check=True, capture_output=True, timeout=120)
+    share = tmp_path / "install" / PACKAGE.name / "share"
+    assert (share / "ament_index/resource_index/packages" / PACKAGE.name).is_file()
+    for part in ("package.xml", "launch/doorway3ds.launch.py", "rviz/doorway3ds.rviz"):
+        assert (share / PACKAGE.name / part).read_text() == (PACKAGE / part).read_text()
+    node = (
+        f". install/setup.bash && install/{PACKAGE.name}/lib/{PACKAGE.name}/doorway3ds --parameters"
+    )
+    said = subprocess.run(
+        ["bash", "-c", node], cwd=tmp_path, check=True, capture_output=True, text=True, timeout=60
+    ).stdout
+    assert [line.split()[0] for line in said.splitlines()] == list(table())
+
+
+CAMERA = """
+import time
+import numpy
+import rclpy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from doorway3ds.ros import messages
+rclpy.init()
+node = rclpy.create_node("camera")
+top = messages.header(messages.ros_message, "lens", node.get_clock().now().to_msg())
+image = messages.image(messages.ros_message, top, numpy.zeros((480, 640, 3), numpy.uint8))
+quality = QoSProfile(depth=20, reliability=ReliabilityPolicy.BEST_EFFORT)
+images = node.create_publisher(type(image), "burst", quality)
+while images.get_subscription_count() == 0:
+    time.sleep(0.05)
+time.sleep(0.5)
+for _ in range(12):
+    images.publish(image)
+    time.sleep(1 / 30)
+time.sleep(3.0)
+"""
+
+
+def test_a_camera_with_the_profile_loses_no_raw_image(
+    capsys: pytest.CaptureFixture[str], peer: Any
+) -> None:
+    from rclpy.qos import QoSProfile, ReliabilityPolicy
+    from sensor_msgs.msg import Image
+
+    from doorway3ds.cli.main import run
+    from tests.ros.bus import ended, python
+
+    assert run(["ros", "--dds-profile"]) == 0
+    profile = {"FASTDDS_DEFAULT_PROFILES_FILE": capsys.readouterr().out.strip()}
+    came: list[int] = []
+    quality = QoSProfile(depth=20, reliability=ReliabilityPolicy.BEST_EFFORT)
+    peer.node.create_subscription(Image, "burst", lambda one: came.append(len(one.data)), quality)
+    camera = python("-c", CAMERA, environment=profile)
+    try:
+        peer.until(lambda: len(came) == 12)
+        assert set(came) == {640 * 480 * 3}
+    finally:
+        ended(camera)

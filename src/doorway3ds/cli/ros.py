@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from importlib.resources import files
 from typing import Annotated
 
 import typer
@@ -20,6 +21,13 @@ def ros(
     parameters: Annotated[
         bool, typer.Option("--parameters", help="List the parameters and exit.")
     ] = False,
+    dds_profile: Annotated[
+        bool,
+        typer.Option(
+            "--dds-profile",
+            help="Print the path of a Fast DDS profile for cameras of raw images and exit.",
+        ),
+    ] = False,
 ) -> None:
     """Run the ROS 2 node doorway3ds on an image topic until Ctrl-C.
 
@@ -30,6 +38,9 @@ def ros(
     """
     if parameters:
         _list()
+        return
+    if dds_profile:
+        typer.echo(files("doorway3ds.ros") / "fastdds.xml")
         return
     from doorway3ds.cli.shared.signals import ended_by_sigterm
     from doorway3ds.ros.node import run
