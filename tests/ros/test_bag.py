@@ -191,3 +191,34 @@ def test_live_writes_a_bag_that_reads_back(cli: Cli, tmp_path: Path) -> None:
     assert all(vars(one.pose) == pytest.approx(vars(POSE), abs=1e-9) for one in frames)
     again = cli("live", f"bag://{path}", "--network", "net.onnx", "--bag", "kept")
     assert again.status == 1 and "kept exists; a bag is a new folder" in again.err
+
+
+MARKS = "image,open,left_px,right_px,clear,confidence,second\n"
+
+
+def test_eval_scores_marks_of_a_bag_with_its_camera_and_pose(cli: Cli, tmp_path: Path) -> None:
+    path = bags.write(tmp_path / "bag", "mcap", bags.camera_topics(pictures(), CAMERA, POSE))
+    looked = cli("look", f"bag://{path}", "--network", "net.onnx", "--json")
+    expected = [json.loads(line) for line in looked.out.splitlines()]
+    named = cli("live", f"bag://{path}", "--network", "net.onnx", "--json", "--log", "walk")
+    assert named.status == 0, named.err
+    Path("walk/doorways.csv").write_text(
+        f"{MARKS}0001.png,1,{expected[0]['openings'][0]['left_px']},"
+        f"{expected[0]['openings'][0]['right_px']},1,3,\n0003.png,0,,,,3,\n"
+    )
+    call = ["eval", "direction", f"bag://{path}", "--network", "net.onnx", "--method", "opening"]
+    call += ["--repeats", "0", "--json", "-", "--save-answers", "answers.jsonl"]
+    ran = cli(*call, "--marks", "walk/doorways.csv")
+    assert ran.status == 0, ran.err
+    answers = [json.loads(line) for line in Path("answers.jsonl").read_text().splitlines()]
+    assert [one["image"] for one in answers] == ["0001.png", "0003.png"]
+    for answer, of_look in zip(answers, (expected[0], expected[2]), strict=True):
+        assert answer["camera"] == {"name": "/cam/camera_info", "assumed": False}
+        assert answer["bearing_deg"] == of_look["bearing_deg"]
+    # Without --marks, those beside the bag.
+    none = cli(*call)
+    assert none.status == 1 and "doorways.csv" in none.err
+    (tmp_path / "doorways.csv").write_text(f"{MARKS}0009.png,0,,,,3,\n")
+    none = cli(*call)
+    assert none.status == 1
+    assert f"marks 0009.png; expected images of {path}, 0001.png to 0003.png" in none.err

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import datetime
 import json
 import sys
+import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -31,7 +33,10 @@ app = typer.Typer(
 )
 
 Data = Annotated[
-    Path, typer.Argument(help="Folder with doorways.csv, boxes.csv or a folder per class.")
+    str,
+    typer.Argument(
+        help="Folder with doorways.csv, boxes.csv or a folder per class, or bag://FILE with marks."
+    ),
 ]
 Networks = Annotated[
     list[str] | None,
@@ -240,19 +245,33 @@ def overview(
         typer.echo(tables.table(rows), nl=False)
 
 
-def _dataset(data: Path, options: DataOptions) -> Dataset:
+def _dataset(data: str, options: DataOptions) -> Dataset:
     from doorway3ds.camera.choice import choose_camera
     from doorway3ds.lab.datasets import readers
     from doorway3ds.lab.datasets import samples as datasets
 
     of_image = None if options.places is None else readers.read_places(options.places)
-    dataset = readers.read_dataset(data, options.layout, of_image)
+    marks = options.marks if isinstance(options, MarkOptions) else None
+    if data.startswith("bag://"):
+        dataset = _bag(data, marks, of_image)
+    elif marks is not None:
+        raise CallError("--marks belongs to a bag; a folder has its own doorways.csv")
+    else:
+        dataset = readers.read_dataset(Path(data), options.layout, of_image)
     if isinstance(options, MarkOptions):
         dataset = datasets.at_least(dataset, options.min_confidence)
     if options.camera is None and options.fov_deg is None:
         return dataset
     choice = choose_camera(options)
     return datasets.with_camera(dataset, choice.fit, choice.pose)
+
+
+def _bag(uri: str, marks: Path | None, of_image: dict[str, str] | None) -> Dataset:
+    from doorway3ds.lab.datasets.bags import read_bag
+
+    folder = tempfile.TemporaryDirectory(prefix="3ds-bag-")
+    atexit.register(folder.cleanup)  # reports show its images once more
+    return read_bag(uri, marks, Path(folder.name), of_image)
 
 
 def _parts(dataset: Dataset, options: DataOptions) -> Iterator[tuple[Dataset, int | None]]:

@@ -40,6 +40,9 @@ class MarkOptions(DataOptions):
     """The same of pictures with marks of several confidences."""
 
     min_confidence: int = setting(1, "Leave marks below this confidence out.", low=1, high=3)
+    marks: Path | None = setting(
+        None, "Marks of a bag's images; default: doorways.csv beside the bag.", metavar="FILE"
+    )
 
 
 @dataclass(frozen=True)
