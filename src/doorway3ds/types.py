@@ -10,13 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Camera, Pose
+from doorway3ds.compat import StrEnum
 
 FloatArray = NDArray[np.floating[Any]]
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import tempfile
 from datetime import datetime
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from doorway3ds.compat import StrEnum
 from doorway3ds.errors import CallError
 from doorway3ds.options import require_range
 

@@ -9,7 +9,6 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,6 +20,7 @@ from doorway3ds.cli.shared.options import expand as expanded
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.robot import open_eyes
 from doorway3ds.cli.shared.viewer import Rerun, viewer_of
+from doorway3ds.compat import StrEnum
 from doorway3ds.decide.options import DecideOptions
 from doorway3ds.errors import CallError, UserError
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import ClassVar
 
+from doorway3ds.compat import StrEnum
 from doorway3ds.errors import CallError
 from doorway3ds.options import Options, setting
 

@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.decide.pipeline import Pipeline
@@ -17,6 +17,8 @@ from doorway3ds.sources import Source, open_source
 from doorway3ds.types import Decision, Frame, Perception, Reason
 
 if TYPE_CHECKING:
+    from typing_extensions import Self
+
     from doorway3ds.sources.base import CameraFor, PoseOf
 
 _WAIT_S = 0.25

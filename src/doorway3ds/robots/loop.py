@@ -10,9 +10,9 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from typing import Protocol
 
+from doorway3ds.compat import StrEnum
 from doorway3ds.decide.options import ALIGNED_DEG
 from doorway3ds.draw.words import counted
 from doorway3ds.errors import UserError

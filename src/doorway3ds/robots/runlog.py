@@ -17,7 +17,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -26,6 +26,9 @@ from doorway3ds.errors import UserError
 from doorway3ds.files import write_bytes
 from doorway3ds.images.codec import read_image, write_image
 from doorway3ds.types import ColumnVotes, Decision, Frame, Perception, RelativeDepth, Selection
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 LOG = "run.jsonl"
 

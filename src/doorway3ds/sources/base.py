@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,8 @@ from doorway3ds.errors import UserError
 from doorway3ds.types import Frame
 
 if TYPE_CHECKING:
+    from typing_extensions import Self
+
     from doorway3ds.images.codec import Picture
     from doorway3ds.networks.base import Network
 

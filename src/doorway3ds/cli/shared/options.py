@@ -31,16 +31,15 @@ def expand(command: Callable[..., None]) -> Callable[..., None]:
 
     Raises CallError, when it is called, for a number outside its bounds.
     """
-    hints = get_type_hints(command, include_extras=True)
     parameters: list[inspect.Parameter] = []
     groups: dict[str, type[Options]] = {}
-    for name, parameter in inspect.signature(command).parameters.items():
-        kind = hints[name]
+    for name, parameter in inspect.signature(command, eval_str=True).parameters.items():
+        kind = parameter.annotation
         if isinstance(kind, type) and issubclass(kind, Options):
             groups[name] = kind
             parameters += _options(kind)
         else:
-            parameters.append(parameter.replace(annotation=kind, kind=_ANY))
+            parameters.append(parameter.replace(kind=_ANY))
 
     @functools.wraps(command)
     def call(**given: Any) -> None:

@@ -82,7 +82,7 @@ def _usable(chain: Path, key: Path, wanted: list[str]) -> bool:
         _checked(chain, key)
     except (OSError, ValueError, UserError):
         return False
-    left = found.not_valid_after_utc - datetime.datetime.now(datetime.UTC)
+    left = found.not_valid_after_utc - datetime.datetime.now(datetime.timezone.utc)
     try:
         alternatives = found.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
     except x509.ExtensionNotFound:
@@ -105,7 +105,7 @@ def _make(chain: Path, key: Path, names: list[str]) -> None:
             alternatives.append(x509.IPAddress(ipaddress.ip_address(name)))
         except ValueError:
             alternatives.append(x509.DNSName(name))
-    now = datetime.datetime.now(datetime.UTC)
+    now = datetime.datetime.now(datetime.timezone.utc)
     made = (
         x509.CertificateBuilder()
         .subject_name(subject)

@@ -5,10 +5,9 @@ One rule labels `clear` in rendered images and decides how a stage of a trial sh
 
 from __future__ import annotations
 
-from enum import StrEnum
-
 import numpy as np
 
+from doorway3ds.compat import StrEnum
 from doorway3ds.lab.sim.homes.apartment import Portal
 from doorway3ds.lab.sim.homes.plan import Float, Plan
 

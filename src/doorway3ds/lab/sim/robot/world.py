@@ -6,7 +6,7 @@ import contextlib
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,9 @@ from doorway3ds.lab.sim.robot.model import MODELS
 from doorway3ds.lab.sim.stages.scenarios import Stage, find
 from doorway3ds.robots.base import RobotPose, TurnEnd, TurnResult
 from doorway3ds.robots.nao.format import FRAME_ROBOT, pose_of
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 T = TypeVar("T")
 VIEWS_KEPT = 8
