@@ -161,7 +161,9 @@ def _blueprint() -> Any:
                 layout.Spatial3DView(origin="robot", name="Robot's frame"),
             ),
             layout.Horizontal(
-                layout.TimeSeriesView(origin="plots/belief", name="Belief"),
+                layout.TimeSeriesView(
+                    origin="plots/belief", name="Belief", axis_y=layout.ScalarAxis(range=(0.0, 1.0))
+                ),
                 layout.TimeSeriesView(origin="plots/bearing", name="Bearing, degrees, + left"),
                 layout.TimeSeriesView(origin="plots/latency", name="Latency, ms"),
                 layout.TextLogView(origin="reason", name="Reason"),
