@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import sys
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,6 +16,9 @@ from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.training import Watch, command_line, say
 from doorway3ds.errors import CallError
 from doorway3ds.lab.train.options import SiteOptions
+
+if TYPE_CHECKING:
+    from doorway3ds.lab.train.site.score import Comparison
 
 _STOPPED = 130
 
@@ -46,6 +51,14 @@ def qualify(
             "--with", metavar="DATASET", help="Also learn from this data set; repeatable."
         ),
     ] = None,
+    answers: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE|DIR",
+            help="Compare two networks by stored answers (folders of 3ds batch, or 3ds look "
+            "--json) instead of training; give it twice, before and after.",
+        ),
+    ] = None,
     hold_out: Annotated[
         float,
         typer.Option(min=0.1, max=0.8, help="Share of the images held out to judge the result."),
@@ -72,12 +85,21 @@ def qualify(
         raise CallError(f"--out is the site model's file, such as site.onnx, got {out}")
     if not learning_rate > 0:
         raise CallError(f"--learning-rate must be above 0, got {learning_rate:g}")
+    if answers and len(answers) != 2:
+        raise CallError("--answers compares two networks; give it twice, before and after")
     from doorway3ds.camera.choice import choose_camera
     from doorway3ds.lab.train.engine import backend as engine
     from doorway3ds.lab.train.engine import outcome
     from doorway3ds.lab.train.site.fit import TuneOptions
-    from doorway3ds.lab.train.site.qualify import network_file, part, read_site, write_model
+    from doorway3ds.lab.train.site.qualify import (
+        compare_answers,
+        network_file,
+        part,
+        read_site,
+        write_model,
+    )
     from doorway3ds.lab.train.site.qualify import qualify as run
+    from doorway3ds.lab.train.site.score import judge
 
     if report is not None:
         outcome.require_plots()
@@ -92,6 +114,15 @@ def qualify(
             camera=None if chosen is None else (chosen.fit, chosen.pose),
             seen=count,
         )
+        if answers:
+            count.clear()
+            before, after = answers
+            comparison = compare_answers(pictures, before, after, repeats, seed)
+            verdict = judge(comparison, 0.0)  # depth is not stored
+            _print(comparison, {"held_out": comparison.to_dict(), **asdict(verdict)}, json_file)
+            word = "better" if verdict.better else "not better"
+            _tell(f"{word}: {verdict.why}; depth is not compared", json_file)
+            return
         parts = part(pictures, hold_out, seed)
         say(
             f"{len(pictures.samples)} pictures, {len(set(pictures.groups))} places by "
@@ -128,22 +159,33 @@ def qualify(
         from doorway3ds.lab.train.site import report as qualifyreport
 
         say(f"wrote {qualifyreport.write(done, report)}")
-    to_stdout = json_file is not None and str(json_file) == "-"
-    if json_file is not None:
-        _write_json(outcome.plain(done.card), None if to_stdout else json_file)
-    if not to_stdout:
-        from rich.console import Console
-
-        from doorway3ds.cli.shared.tables import print_tables
-        from doorway3ds.lab.train.site.score import table
-
-        print_tables(Console(), [table(done.comparison)])
-    tell = say if to_stdout else typer.echo
+    _print(done.comparison, outcome.plain(done.card), json_file)
     if done.model is None:
-        tell(f"not better: {done.verdict.why}; no model was written")
+        _tell(f"not better: {done.verdict.why}; no model was written", json_file)
     else:
-        tell(f"better: {done.verdict.why}")
-        tell(f"wrote {out}; to use it: 3ds look --network {out} photo.jpg")
+        _tell(f"better: {done.verdict.why}", json_file)
+        _tell(f"wrote {out}; to use it: 3ds look --network {out} photo.jpg", json_file)
+
+
+def _print(comparison: Comparison, card: dict[str, Any], json_file: Path | None) -> None:
+    """The numbers where they are asked for, and the table unless they go to standard output."""
+    from doorway3ds.lab.evaluate.report.html import write_json
+
+    if str(json_file) == "-":
+        sys.stdout.write(json.dumps(card, allow_nan=False) + "\n")
+        return
+    if json_file is not None:
+        write_json(json_file, card)
+    from rich.console import Console
+
+    from doorway3ds.cli.shared.tables import print_tables
+    from doorway3ds.lab.train.site.score import table
+
+    print_tables(Console(), [table(comparison)])
+
+
+def _tell(line: str, json_file: Path | None) -> None:
+    (say if str(json_file) == "-" else typer.echo)(line)
 
 
 class _Brief(Watch):
@@ -154,14 +196,3 @@ class _Brief(Watch):
 
     def epoch(self, row: dict[str, float]) -> None:
         super().epoch({name: row[name] for name in ("epoch", "loss", "val_loss")})
-
-
-def _write_json(card: dict[str, object], path: Path | None) -> None:
-    import json
-
-    from doorway3ds.lab.evaluate.report.html import write_json
-
-    if path is None:
-        sys.stdout.write(json.dumps(card, allow_nan=False) + "\n")
-    else:
-        write_json(path, card)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from dataclasses import replace
@@ -26,6 +27,7 @@ from doorway3ds.lab.train.doornet.export import export_onnx  # noqa: E402
 from doorway3ds.lab.train.doornet.model import DoorNetConfig, build_doornet  # noqa: E402
 from doorway3ds.lab.train.site import score as qualifyscore  # noqa: E402
 from doorway3ds.lab.train.site.qualify import part, read_replay, read_site  # noqa: E402
+from tests import factories  # noqa: E402
 from tests.factories import write_site  # noqa: E402
 
 pytestmark = pytest.mark.train
@@ -226,3 +228,28 @@ def test_going_where_no_doorway_is_spoils_any_gain() -> None:
     assert compared.after["inside"].n == 6
     assert compared.after["go_without_door"].n == 4  # what is open and not marked is not among them
     assert math.isnan(compared.after["go_when_blocked"].value)
+
+
+def test_stored_answers_of_two_networks_are_judged_by_the_same_rule(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site = write_site(tmp_path / "site", marked=False, rooms=10, each=2)
+    net = factories.doornet(tmp_path / "net.onnx")  # sees a doorway everywhere
+    capsys.readouterr()
+    assert run(["look", str(site), "--recursive", "--json", "--network", str(net)]) == 0
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    for name in ("before", "after"):
+        for line in lines:
+            if name == "after" and "no-door" in line["image"]:
+                line.update(p_open=0.01, open=False, reason="no_door")
+        (tmp_path / name).write_text("".join(json.dumps(line) + "\n" for line in lines))
+    call = ["qualify", str(site), "--json", "-"]
+    for first, second, better in (("before", "after", True), ("after", "before", False)):
+        both = ["--answers", str(tmp_path / first), "--answers", str(tmp_path / second)]
+        assert run([*call, *both]) == 0
+        said = capsys.readouterr()
+        found = json.loads(said.out)
+        assert found["better"] is better and "depth is not compared" in said.err
+        assert found["held_out"]["difference"]["refused"]["value"] == (1 if better else -1)
+    assert run([*call, "--answers", str(tmp_path / "after")]) == 2
+    assert "give it twice, before and after" in capsys.readouterr().err

@@ -26,7 +26,13 @@ from doorway3ds.lab.datasets.readers import CLASS_FOLDERS, guess_layout, read_da
 from doorway3ds.lab.datasets.samples import Sample as Picture
 from doorway3ds.lab.datasets.samples import load_frame, with_camera
 from doorway3ds.lab.evaluate.direction import DirectionRecord
-from doorway3ds.lab.evaluate.runners import Label, methods_on, run_direction
+from doorway3ds.lab.evaluate.runners import (
+    Label,
+    match_answers,
+    methods_on,
+    read_answers,
+    run_direction,
+)
 from doorway3ds.lab.train.doornet.data.samples import (
     Sample,
     from_frame,
@@ -274,6 +280,31 @@ def qualify(
         change,
         card,
         data if verdict.better else None,
+    )
+
+
+def compare_answers(
+    pictures: DoorPictures, before: Path, after: Path, repeats: int = 2000, seed: int = 0
+) -> qualifyscore.Comparison:
+    """Two networks on all of a site's pictures, by answers that `3ds batch` or `look` stored.
+
+    Raises UserError if either cannot be read, or holds answers of several networks.
+    """
+    named = [replace(s, place=g) for s, g in zip(pictures.samples, pictures.groups, strict=True)]
+    columns: list[dict[str, DirectionRecord]] = []
+    for path in (before, after):
+        runs = match_answers(named, read_answers([path]))
+        if len(runs.records) > 1:
+            held = ", ".join(map(str, runs.records))
+            raise UserError(f"{path} holds answers of {held}; expected those of one network")
+        (records,) = runs.records.values()
+        columns.append({record.truth.image: record for record in records})
+    first, second = columns
+    both = [name for name in first if name in second]
+    if not both:
+        raise UserError(f"{before} and {after} answer no image of the site together")
+    return qualifyscore.compare(
+        [first[name] for name in both], [second[name] for name in both], repeats, seed
     )
 
 
