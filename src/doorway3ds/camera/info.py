@@ -15,6 +15,8 @@ from doorway3ds.files import write_bytes
 MOST_UNTRUSTED = 0.25
 """Share of the image in which the distortion may be a continuation, with a warning."""
 
+_MOST_SKEW = 0.01  # of the focal length: more than a fit's noise
+_SHORTEST = 0.1  # of the longer side: a field of view of 157 deg, of a lens without distortion
 _BY_COUNT = {0: "plumb_bob", 5: "plumb_bob", 8: "rational_polynomial"}
 
 
@@ -64,9 +66,8 @@ def read_camera_info(path: str | Path) -> Camera:
         raise wrong(f"{error.args[0]} is missing") from error
     except (TypeError, ValueError) as error:
         raise wrong(f"expected numbers ({error})") from error
-    if len(matrix) != 9:
-        raise wrong(f"camera_matrix has 9 numbers, got {len(matrix)}")
     try:
+        check_matrix(matrix, width, height)
         model, coefficients = distortion(info.get("distortion_model"), coefficients)
         camera = Camera(
             name=str(info.get("camera_name") or Path(path).stem),
@@ -83,6 +84,30 @@ def read_camera_info(path: str | Path) -> Camera:
         raise wrong(str(error)) from error
     check_lens(camera, str(path))
     return camera
+
+
+def check_matrix(matrix: list[float], width: int, height: int) -> None:
+    """ValueError for what is no camera matrix, row by row and in pixels, of an image of this size.
+
+    Transposed, normalised or of another size it would be read without complaint, and be wrong.
+    """
+    if len(matrix) != 9:
+        raise ValueError(f"camera_matrix has 9 numbers, got {len(matrix)}")
+    if not any(matrix):
+        raise ValueError("camera_matrix is all zero: the camera has not been calibrated")
+    fx, skew, cx, _, fy, cy, *last = matrix
+    if matrix[3] != 0 or last != [0, 0, 1] or abs(skew) > _MOST_SKEW * abs(fx):
+        raise ValueError(f"camera_matrix is fx 0 cx, 0 fy cy, 0 0 1, got {matrix}")
+    if not (0 <= cx <= width and 0 <= cy <= height):
+        raise ValueError(
+            f"its principal point {cx:g}, {cy:g} lies outside its image of {width}x{height}; "
+            "is it of another size?"
+        )
+    if 0 < min(fx, fy) < _SHORTEST * max(width, height):
+        raise ValueError(
+            f"its focal lengths {fx:g}, {fy:g} are too short for {width}x{height}; are they in "
+            "pixels?"
+        )
 
 
 def distortion(model: str | None, coefficients: list[float]) -> tuple[str, list[float]]:
