@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -217,6 +218,11 @@ def test_the_panel_stays_in_place_whatever_it_says(tmp_path: Path) -> None:
     assert "Turn left 12.4°" in turn[2]
     dial = next(line for line in turn if line.startswith("bearing"))
     assert dial.index("●") < dial.index("┼") and "12.4° left, steady to " in dial
+    measured = replace(tracked.decision.perception, bearing_error_deg=2.4)
+    known = replace(tracked, decision=replace(tracked.decision, perception=measured))
+    measured_lines = shown(source, known, width=80)
+    assert any("12.4° left ± 2.4°, steady to " in line for line in measured_lines)
+    assert len(measured_lines) == len(turn)
     range_line = next(line for line in turn if line.startswith("distance"))
     assert re.fullmatch(r"distance +2\.00 m, steady to 0\.\d\d m", range_line)
     assert any("15.8 ms: network 14.2, selection 1.6" in line for line in turn)

@@ -329,14 +329,20 @@ def test_a_frame_twice_at_one_time_adds_nothing() -> None:
 
 
 def test_a_steady_distance_still_has_the_networks_error() -> None:
-    """The panel said 4.30 m +- 0.02 m where the truth was 3.74 m."""
+    """The panel said 4.30 m +- 0.02 m where the truth was 3.74 m; of bearings it is the same."""
     tracker = Tracker()
     for t in times(3):
         seen = look(t, opening(12, range_m=4.3))
-        seen = replace(seen, perception=replace(seen.perception, depth_error=0.16))
+        seen = replace(
+            seen,
+            perception=replace(seen.perception, depth_error=0.16, bearing_error_deg=2.4),
+        )
         tracked = tracker.update(seen)
     told = tracked.to_dict()
     assert told["range_sd_m"] < 0.1
     assert abs(told["range_m"] - 3.74) < told["range_error_m"] < 1.5
+    assert told["bearing_sd_deg"] < told["bearing_error_deg"] == 2.4
+    nothing = Tracker().update(look(0, p_open=0.02)).to_dict()
+    assert nothing["range_error_m"] is nothing["bearing_error_deg"] is None
     _, true = settled()
-    assert true.to_dict()["range_error_m"] is None
+    assert true.to_dict()["range_error_m"] is true.to_dict()["bearing_error_deg"] is None

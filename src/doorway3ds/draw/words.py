@@ -95,7 +95,7 @@ def facts(decision: Decision) -> list[Fact]:
         way = {True: "free", False: "blocked", None: "not seen"}[selection.clear]
         distance = _metres(selection.range_m) or "unknown"
         found = [
-            Fact("Bearing", bearing),
+            Fact("Bearing", bearing, _bearing_error(decision)),
             Fact("Distance", distance, _error(decision)),
             Fact("Way", way, _floor(decision)),
         ]
@@ -123,6 +123,13 @@ def _camera_name(camera: Camera) -> str:
     if camera.assumed and name.startswith("assumed "):
         return f"{name.removeprefix('assumed ')} over the longer side"
     return name
+
+
+def _bearing_error(decision: Decision) -> str:
+    error = decision.perception.bearing_error_deg
+    if error is None or decision.selection.bearing_deg is None or decision.method == "paper":
+        return ""
+    return f"measured error ± {error:.1f}°"
 
 
 def _error(decision: Decision) -> str:

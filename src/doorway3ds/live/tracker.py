@@ -22,7 +22,7 @@ class Tracked:
 
     decision: the decision with memory; its p_open is the belief. raw: this frame's own.
     bearing_sd_deg, range_sd_m: how steady the smoothed values are (standard deviations), which
-        says nothing of how near they are to the truth; `range_error_m` does.
+        says nothing of how near they are to the truth; `bearing_error_deg`, `range_error_m` do.
     age_s: how long the doorway is followed; unseen_s: since when it was not seen.
     number: counts the doorways followed, 0 where there is none.
     """
@@ -40,6 +40,11 @@ class Tracked:
     number: int = 0
 
     @property
+    def bearing_error_deg(self) -> float | None:
+        """The network's measured error of a bearing, None if there is none or it is unknown."""
+        return None if self.bearing_deg is None else self.decision.perception.bearing_error_deg
+
+    @property
     def range_error_m(self) -> float | None:
         """The network's measured error at that distance (standard deviation), None if unknown."""
         return self.decision.perception.range_error_m(self.range_m)
@@ -54,6 +59,7 @@ class Tracked:
             "belief": self.belief,
             "bearing_deg": self.bearing_deg,
             "bearing_sd_deg": self.bearing_sd_deg,
+            "bearing_error_deg": self.bearing_error_deg,
             "range_m": self.range_m,
             "range_sd_m": self.range_sd_m,
             "range_error_m": self.range_error_m,

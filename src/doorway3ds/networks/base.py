@@ -72,6 +72,7 @@ class Joined:
             depth_m=depth.depth_m if depth else None,
             floor=floor.floor if floor else None,
             depth_error=depth.depth_error if depth else 0.0,
+            bearing_error_deg=columns.bearing_error_deg if columns else None,
             relative=depth.relative if depth else None,
             network=self.name,
             timings_ms=timings,

@@ -105,6 +105,8 @@ class DoorNet(OnnxNetwork):
         self._costs = override(Costs(), self.metadata.get("costs") or {})
         self._canonical_f_px = float(self.metadata["canonical_f_px"])
         self._depth_error = float(self.metadata["depth_error"])
+        bearing_error = self.metadata.get("bearing_error_deg")
+        self._bearing_error = None if bearing_error is None else float(bearing_error)
 
     def _read_metadata(self) -> Mapping[str, Any]:
         metadata = self.own_metadata()
@@ -132,6 +134,7 @@ class DoorNet(OnnxNetwork):
             depth_m=depth,
             floor=_sigmoid(self._map(answer, "floor", at)),
             depth_error=self._depth_error,
+            bearing_error_deg=self._bearing_error,
         )
 
     def _columns(self, answer: Answer, at: Placement, width: int) -> ColumnVotes:

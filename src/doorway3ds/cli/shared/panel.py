@@ -18,7 +18,7 @@ _REFRESH_S = 0.2
 _RATE_S = 3.0
 _WIDEST = 76
 _LABEL = 10
-_BAR = 30
+_BAR = 22
 _COLOURS = {
     Reason.TURN: "green",
     Reason.ALIGNED: "green",
@@ -70,6 +70,7 @@ class Panel:
         self._live = Live(console=self._console, auto_refresh=False, transient=False)
         self._title, self._source = title, source
         self._plain = not self._console.encoding.lower().startswith("utf")
+        self._plus_minus = "+-" if self._plain else "±"
         self._drawn_s = 0.0
         self.rate, self.means = Rate(), Means()
 
@@ -143,7 +144,12 @@ class Panel:
         dial[at] = mark
         side = "left" if bearing > 0 else "right"
         degrees = " deg" if self._plain else "°"
-        return f"{''.join(dial)} {abs(bearing):.1f}{degrees} {side}, steady to {sd:.1f}{degrees}"
+        error = tracked.bearing_error_deg
+        within = "" if error is None else f" {self._plus_minus} {error:.1f}{degrees}"
+        return (
+            f"{''.join(dial)} {abs(bearing):.1f}{degrees} {side}{within}, "
+            f"steady to {sd:.1f}{degrees}"
+        )
 
     def _distance(self, tracked: Tracked) -> str:
         if tracked.range_m is None or tracked.range_sd_m is None:
@@ -151,7 +157,7 @@ class Panel:
         steady = f"steady to {tracked.range_sd_m:.2f} m"
         if tracked.range_error_m is None:
             return f"{tracked.range_m:.2f} m, {steady}"
-        error = f"{'+-' if self._plain else '±'} {tracked.range_error_m:.1f} m"
+        error = f"{self._plus_minus} {tracked.range_error_m:.1f} m"
         return f"{tracked.range_m:.1f} m {error} as measured for this network, {steady}"
 
     def _camera(self, tracked: Tracked) -> str:

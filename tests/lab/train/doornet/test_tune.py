@@ -9,6 +9,7 @@ import pytest
 
 pytest.importorskip("torch")
 
+from doorway3ds.camera import Camera, write_camera_info
 from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.lab.datasets.readers import read_dataset
 from doorway3ds.lab.evaluate.overview import HeldSet
@@ -24,6 +25,7 @@ pytestmark = pytest.mark.train
 def test_limits_keep_within_the_bounds(tmp_path: Path) -> None:
     """A network that sees a door everywhere: only a shut gate turns nowhere without one."""
     site = write_site(tmp_path / "site", rooms=4)
+    write_camera_info(Camera.from_fov(160, 120, 60), site / "camera.yaml")
     part = HeldSet("site", read_dataset(site).samples)
     network = DoorNet(factories.doornet(tmp_path / "always.onnx", p_open=1.0))  # 0.73
     seen = tune.Tuning.look(network, [part])
@@ -31,6 +33,8 @@ def test_limits_keep_within_the_bounds(tmp_path: Path) -> None:
     assert strict["open_from"] == 0.8
     anything = tune.tune(seen, tune.Goal(1.0, 1.0, (0.8, 0.5)))
     assert anything["open_from"] == 0.5
+    assert 0 < seen.bearing_error_deg(anything) < 20
+    assert seen.bearing_error_deg(tune.preset(0.8, tune.LADDER[0])) is None  # none is told
     votes = anything["limits"]["clearance"]
     assert tuple(votes.values()) == tune.LADDER[0]  # nothing speaks against the boldest
 

@@ -15,6 +15,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from doorway3ds.decide.gates import Gates, decide
 from doorway3ds.decide.opening import OpeningParams, select_opening
 from doorway3ds.errors import UserError
@@ -97,6 +99,17 @@ class Tuning:
             tuning.seen.append((frame, network(frame.image, frame.camera), truth))
         return tuning
 
+    def bearing_error_deg(self, point: Mapping[str, Any]) -> float | None:
+        """68th percentile of how far off the bearings are that are told at this point, on pictures
+        of known cameras; None without any."""
+        told = [
+            abs(direction.judge(record).error_deg)
+            for (frame, _, _), record in zip(self.seen, self.records(point), strict=True)
+            if not frame.camera.assumed and record.reason != Reason.NO_DOOR
+        ]
+        known = [error for error in told if math.isfinite(error)]
+        return round(float(np.quantile(known, 0.68)), 1) if known else None
+
     def records(self, point: Mapping[str, Any]) -> list[DirectionRecord]:
         """Whether to go at this point; what lies behind a closed gate is not looked at."""
         params = override(OpeningParams(), point["limits"])
@@ -163,13 +176,17 @@ def tune_run(
 
 def _choose(
     network_file: Path, parts: Sequence[HeldSet], tell: Callable[[str], None]
-) -> dict[str, dict[str, Any]]:
+) -> dict[str, Any]:
     """Presets chosen on these pictures, written into the file: its new metadata."""
     tuning = Tuning.look(DoorNet(network_file), parts)
     presets = {}
     for name, goal in GOALS.items():
         tell(f"{network_file.name}, {name}")
         presets[name] = tune(tuning, goal, tell)
-    told = {"thresholds": presets["balanced"]["limits"], "presets": presets}
+    told = {
+        "thresholds": presets["balanced"]["limits"],
+        "presets": presets,
+        "bearing_error_deg": tuning.bearing_error_deg(presets["balanced"]),
+    }
     set_metadata(network_file, told)
     return told
