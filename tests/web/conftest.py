@@ -3,7 +3,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -92,6 +92,22 @@ def shared(network: Path) -> Iterator[Served]:
         yield served
 
 
+@pytest.fixture
+def held(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
+    """Decisions of `serve` wait until this is set."""
+    from doorway3ds.web.serve import routes
+
+    gate, look = threading.Event(), routes._look
+
+    def late(*arguments: object) -> object:
+        assert gate.wait(60)
+        return look(*arguments)
+
+    monkeypatch.setattr(routes, "_look", late)
+    yield gate
+    gate.set()
+
+
 @contextlib.contextmanager
 def running(
     settings: Settings,
@@ -126,6 +142,41 @@ def answering(app: Shield, certificate: Certificate | None = None) -> Iterator[S
             yield Served(url, port, app.state, client, stop)
         finally:
             stop()
+
+
+def ask_made_up(served: Served, each: int, passed_over: Collection[str] = ()) -> int:
+    """Asks each route what its own description allows; returns how many requests were answered
+    as described."""
+    schemathesis = pytest.importorskip("schemathesis")
+    from hypothesis import HealthCheck, Phase, given, settings
+    from schemathesis.specs.openapi.checks import positive_data_acceptance
+
+    schema = schemathesis.openapi.from_dict(served.client.get("/openapi.json").json())
+    tried = 0
+    for found in schema.get_all_operations():
+        operation = found.ok()
+        if operation.path in passed_over:
+            continue
+
+        @given(case=operation.as_strategy())
+        @settings(
+            max_examples=each,
+            deadline=None,
+            derandomize=True,
+            database=None,
+            phases=[Phase.generate],
+            suppress_health_check=list(HealthCheck),
+        )
+        def documented(case: object) -> None:
+            nonlocal tried
+            tried += 1
+            # A schema cannot say which bytes are an image, nor which networks there are.
+            case.call_and_validate(  # type: ignore[attr-defined]
+                base_url=served.url, excluded_checks=[positive_data_acceptance]
+            )
+
+        documented()
+    return tried
 
 
 def wait_for(what: Callable[[], object], seconds: float = 30.0) -> object:

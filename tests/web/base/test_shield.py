@@ -152,7 +152,7 @@ def test_a_slow_head_is_cut_off(serve: Serve) -> None:
 
 
 def test_a_slow_head_is_cut_off_after_an_answer_too(serve: Serve) -> None:
-    served = serve(limits={"head_s": 0.3})
+    served = serve(limits={"head_s": 2})  # long enough for a busy machine's next request
     whole = f"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\n\r\n".encode()
     with socket.create_connection(("127.0.0.1", served.port), timeout=10) as raw:
         for _ in range(2):
@@ -164,7 +164,7 @@ def test_a_slow_head_is_cut_off_after_an_answer_too(serve: Serve) -> None:
         raw.sendall(b"GET /healthz HTTP/1.1\r\nHo")
         start = time.monotonic()
         assert b"HTTP/1.1" not in read_all(raw)
-        assert time.monotonic() - start < 5
+        assert time.monotonic() - start < 8
 
 
 def test_a_long_head_is_refused(shared: Served) -> None:
@@ -222,18 +222,8 @@ def test_too_many_uploads_are_refused(serve: Serve, photo: bytes) -> None:
 
 
 def test_beyond_the_limit_decisions_are_refused_at_once(
-    serve: Serve, photo: bytes, monkeypatch: pytest.MonkeyPatch
+    serve: Serve, photo: bytes, held: threading.Event
 ) -> None:
-    gate = threading.Event()
-    from doorway3ds.web.serve import routes
-
-    look = routes._look
-
-    def held(*arguments: object) -> object:
-        assert gate.wait(20)
-        return look(*arguments)
-
-    monkeypatch.setattr(routes, "_look", held)
     served = serve(limits={"in_flight": 3}, workers=1)
     statuses: list[int] = []
     threads = [
@@ -251,7 +241,7 @@ def test_beyond_the_limit_decisions_are_refused_at_once(
     assert refused.status_code == 429
     assert refused.json()["error"]["code"] == "busy"
     assert int(refused.headers["retry-after"]) >= 1
-    gate.set()
+    held.set()
     for thread in threads:
         thread.join()
     assert statuses == [200] * 3
@@ -259,35 +249,21 @@ def test_beyond_the_limit_decisions_are_refused_at_once(
 
 
 def test_a_decision_that_takes_too_long_is_given_up(
-    serve: Serve, photo: bytes, monkeypatch: pytest.MonkeyPatch
+    serve: Serve, photo: bytes, held: threading.Event
 ) -> None:
-    gate = threading.Event()
-    from doorway3ds.web.serve import routes
-
-    monkeypatch.setattr(routes, "_look", lambda *_: gate.wait(20))
     served = serve(limits={"decision_s": 0.2})
     answer = served.client.post("/v1/decide", content=photo)
     assert answer.status_code == 503
     assert "retry-after" in answer.headers
     # It goes on in its thread and counts until it ends.
     assert served.state.work.in_flight == 1
-    gate.set()
+    held.set()
     wait_for(lambda: served.state.work.in_flight == 0)
 
 
 def test_the_end_waits_for_what_is_at_hand(
-    serve: Serve, photo: bytes, monkeypatch: pytest.MonkeyPatch
+    serve: Serve, photo: bytes, held: threading.Event
 ) -> None:
-    gate = threading.Event()
-    from doorway3ds.web.serve import routes
-
-    look = routes._look
-
-    def held(*arguments: object) -> object:
-        assert gate.wait(20)
-        return look(*arguments)
-
-    monkeypatch.setattr(routes, "_look", held)
     served = serve()
     answers: list[httpx.Response] = []
     post = threading.Thread(
@@ -300,7 +276,7 @@ def test_the_end_waits_for_what_is_at_hand(
     end = threading.Thread(target=served.stop)
     end.start()
     time.sleep(0.3)
-    gate.set()
+    held.set()
     end.join()
     post.join()
     assert answers[0].status_code == 200

@@ -12,6 +12,7 @@ from doorway3ds.lab.datasets import samples as datasets
 from doorway3ds.lab.datasets.readers import read_dataset
 from doorway3ds.lab.datasets.truth import picture_truth
 from tests.factories import encode, scene
+from tests.web.conftest import ask_made_up
 from tests.web.label.conftest import Desk
 
 
@@ -184,34 +185,8 @@ def test_without_guesses(site: Path, desk: Desk) -> None:
 
 
 def test_made_up_requests_get_documented_answers(site: Path, desk: Desk) -> None:
-    schemathesis = pytest.importorskip("schemathesis")
-    from hypothesis import HealthCheck, Phase, given, settings
-    from schemathesis.specs.openapi.checks import positive_data_acceptance
-
     served = desk(site)
-    schema = schemathesis.openapi.from_dict(served.client.get("/openapi.json").json())
-    tried = 0
-    for found in schema.get_all_operations():
-
-        @given(case=found.ok().as_strategy())
-        @settings(
-            max_examples=10,
-            deadline=None,
-            derandomize=True,
-            database=None,
-            phases=[Phase.generate],
-            suppress_health_check=list(HealthCheck),
-        )
-        def documented(case: object) -> None:
-            nonlocal tried
-            tried += 1
-            # A schema cannot say which numbers there are, nor which edges lie in a picture.
-            case.call_and_validate(  # type: ignore[attr-defined]
-                base_url=served.url, excluded_checks=[positive_data_acceptance]
-            )
-
-        documented()
-    assert tried >= 40
+    assert ask_made_up(served, each=10) >= 40
     for body in (b"\xff\xfe", b"{", b"[]", b'{"marks": NaN, "revision": ""}'):
         answer = served.client.put("/v1/pictures/0", content=body)
         assert answer.status_code == 422, answer.text

@@ -56,6 +56,22 @@ def test_a_narrower_field_of_view_makes_smaller_angles(shared: Served, photo: by
     assert 0 < narrow < wide / 2.5
 
 
+def test_limits_of_the_command_line_are_fields_too(
+    shared: Served, cli: Cli, photo: bytes, network: Path
+) -> None:
+    usual = shared.client.post("/v1/decide", content=photo).json()
+    faced = shared.client.post("/v1/decide?aligned_deg=20", content=photo).json()
+    assert (usual["reason"], faced["reason"], faced["turn_deg"]) == ("turn", "aligned", 0)
+    posted = shared.client.post(
+        "/v1/decide", files={"image": ("photo.jpg", photo)}, data={"mirror": "true"}
+    ).json()
+    looked = json.loads(cli("look", "photo.jpg", "--json", "--mirror", "--network", network).out)
+    assert posted["network"] != usual["network"]
+    for volatile in (posted, looked):
+        volatile.pop("timings_ms")
+    assert posted == looked
+
+
 def test_the_paper_method_adds_its_pixels(shared: Served, photo: bytes) -> None:
     answer = shared.client.post("/v1/decide?method=paper", content=photo).json()
     assert answer["method"] == "paper"
@@ -91,6 +107,9 @@ def test_annotate_gives_a_picture(shared: Served, photo: bytes) -> None:
         (("POST", "/v1/decide?fov_deg=60&camera=auto", b"x"), 422, "invalid_field"),
         (("POST", "/v1/decide?camera=/etc/passwd", b"x"), 422, "invalid_field"),
         (("POST", "/v1/decide?network=/etc/passwd.onnx", None), 422, "unknown_network"),
+        (("POST", "/v1/decide?preset=bold", None), 422, "unknown_preset"),
+        (("POST", "/v1/decide?aligned_deg=31", b"x"), 422, "invalid_field"),
+        (("POST", "/v1/decide?mirror=perhaps", b"x"), 422, "invalid_field"),
         (("POST", "/v1/decide?colour=red", b"x"), 422, "invalid_field"),
         (("GET", "/v1/decide", None), 405, "method_not_allowed"),
         (("GET", "/nowhere", None), 404, "not_found"),

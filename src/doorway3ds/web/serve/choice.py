@@ -14,8 +14,16 @@ from doorway3ds.camera.options import CameraOptions
 from doorway3ds.camera.presets import PRESETS
 from doorway3ds.decide.options import DecideOptions
 from doorway3ds.decide.pipeline import NEEDS, Pipeline, build_pipeline
+from doorway3ds.errors import CallError
 from doorway3ds.images.codec import Picture
-from doorway3ds.networks.base import DEPTH, RELATIVE, Joined, Network, together
+from doorway3ds.networks.base import (
+    DEPTH,
+    RELATIVE,
+    Joined,
+    Network,
+    presets_of,
+    together,
+)
 from doorway3ds.networks.registry import MODELS, load
 from doorway3ds.sources.base import View
 from doorway3ds.types import Frame
@@ -23,6 +31,7 @@ from doorway3ds.web.base.errors import ApiError
 from doorway3ds.web.serve.settings import Settings
 
 AUTO = "auto"
+_DECIDE = ("network", "method", "preset", "width_m", "max_unseen_m", "aligned_deg", "mirror")
 _CACHED = 16  # pipelines are small; what is large, the networks, is shared between them
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -70,6 +79,24 @@ class Fields(BaseModel):
         le=100,
         description="Abstain where the floor comes into view only beyond this distance.",
         examples=[1.0],
+    )
+    aligned_deg: Number | None = Field(
+        default=None,
+        ge=0.5,
+        le=30,
+        description="Largest bearing at which the robot faces a doorway.",
+        examples=[3.0],
+    )
+    mirror: bool | None = Field(
+        default=None,
+        description="Average over both mirrorings of the image: steadier, at twice the time.",
+        examples=[True],
+    )
+    preset: str | None = Field(
+        default=None,
+        max_length=64,
+        description="Operating point of the network's file.",
+        examples=["cautious"],
     )
 
     @model_validator(mode="after")
@@ -137,6 +164,8 @@ def source_frame(frame: Frame, fields: Fields, usual: CameraChoice) -> Frame:
 class Pipelines:
     """The pipelines of one server; each network is opened once, when it is first asked for.
 
+    Raises CallError if the server's own settings do not go together.
+
     networks: the names that a request may ask for: those whose files are there.
     """
 
@@ -146,18 +175,18 @@ class Pipelines:
         self._loaded: dict[str, Network] = {}
         self._made: dict[DecideOptions, Pipeline] = {}
         self.networks = tuple(dict.fromkeys([settings.decide.network, *_available()]))
-        self.get(Fields())
+        try:
+            self.get(Fields())
+        except ApiError as error:  # whoever starts the server is no client of it
+            raise CallError(error.message) from error
 
     def get(self, fields: Fields) -> Pipeline:
         """The pipeline that a request asks for.
 
-        Raises ApiError for a network that is not there, UserError where its file is damaged.
+        Raises ApiError for a network or preset that is not there, UserError where the network's
+        file is damaged.
         """
-        given = {
-            name: value
-            for name in ("network", "method", "width_m", "max_unseen_m")
-            if (value := getattr(fields, name)) is not None
-        }
+        given = {name: value for name in _DECIDE if (value := getattr(fields, name)) is not None}
         options = replace(self._settings.decide, **given)
         if options.network not in self.networks:
             raise ApiError(
@@ -179,6 +208,14 @@ class Pipelines:
                 "unfit_network",
                 f"method {options.method} needs {', '.join(lacking)}, which network "
                 f"{options.network} does not give",
+            )
+        known = presets_of(network)
+        if options.preset is not None and options.preset not in known:
+            raise ApiError(
+                422,
+                "unknown_preset",
+                f"preset must be one that network {options.network} has: "
+                + (", ".join(known) or "none"),
             )
         return build_pipeline(options, network)
 
