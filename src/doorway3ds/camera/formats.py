@@ -118,13 +118,14 @@ def _xml(text: str) -> Info:
 def _ost(text: str) -> Info:
     """The ost.txt that ROS's camera_calibration writes beside ost.yaml."""
     numbers = r"^{}\s*\n((?:[-+.\deE]+\s+)+)"
-    found = {
-        name: [float(v) for v in match[1].split()]
+    found: Info = {
+        name.replace(" ", "_"): [float(v) for v in match[1].split()]
         for name in ("width", "height", "camera matrix", "distortion")
         if (match := re.search(numbers.format(name), text + "\n", re.MULTILINE))
     }
-    size = {name: found[name][0] for name in ("width", "height") if name in found}
-    return {**found, **size, "camera_matrix": found.get("camera matrix")}
+    for side in ("width", "height"):
+        found[side] = found[side][0]
+    return found
 
 
 def _of_chain(found: Info) -> Info:

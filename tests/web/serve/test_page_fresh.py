@@ -180,9 +180,29 @@ def _unknown_kind(page: Page, served: Served) -> None:
     page.give(b"# Read me", "drop", "README")
 
 
+def _empty(page: Page, served: Served) -> None:
+    page.give(b"", "drop", "empty.jpg")
+
+
+def _unreadable(page: Page, served: Served) -> None:
+    """As a folder, which a browser hands over as a file without a kind."""
+    page.run(
+        """
+        const whole = Blob.prototype.arrayBuffer;
+        Blob.prototype.arrayBuffer = function () {
+          Blob.prototype.arrayBuffer = whole;
+          return Promise.reject(new DOMException("it is a folder", "NotFoundError"));
+        };
+        """
+    )
+    page.give(b"# Read me", "drop", "album")
+
+
 @pytest.mark.parametrize(
     ("give", "words"),
     [
+        (_empty, "empty.jpg is empty."),
+        (_unreadable, "album cannot be read. Is it a folder, or a file that has changed?"),
         (_wrong_kind, "README.md is not an image."),
         (_wrong_bytes, "README.jpg is not an image; expected one of"),
         (_unknown_kind, "README is not an image; expected one of"),

@@ -164,9 +164,9 @@ def source_frame(frame: Frame, fields: Fields, usual: CameraChoice) -> Frame:
 class Pipelines:
     """The pipelines of one server; each network is opened once, when it is first asked for.
 
-    Raises CallError if the server's own settings do not go together.
-
     networks: the names that a request may ask for: those whose files are there.
+
+    Raises CallError if the server's own settings do not go together.
     """
 
     def __init__(self, settings: Settings) -> None:

@@ -43,6 +43,8 @@ const upload = (blob, signal) => ({
 export const info = async () => (await ask("/v1/info")).json();
 
 export const decide = async (blob, fields, stopped) => {
+  // To fetch, a body that cannot be read is a server that does not answer.
+  await blob.slice(0, 1).arrayBuffer().catch(() => { throw new ApiError(0, "unreadable", "it cannot be read"); });
   const signal = AbortSignal.any([AbortSignal.timeout(DECIDE_MS), ...(stopped ? [stopped] : [])]);
   return (await ask(withFields("/v1/decide", { ...fields, view: "true" }), upload(blob, signal))).json();
 };

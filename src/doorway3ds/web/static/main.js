@@ -15,7 +15,7 @@ import { byId } from "./svg.js";
 import { asSentence, shortened, why } from "./words.js";
 
 const NOTE_MS = 8000;
-const NO_IMAGE = { bad_image: true, no_image: true, too_large: true };
+const NO_IMAGE = { bad_image: true, no_image: true, too_large: true, unreadable: true };
 const DECIDING_MS = 300; // before a picture on its way takes the place of the last answer
 const video = byId("video");
 const camera = new Camera(video);

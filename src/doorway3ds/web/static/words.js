@@ -19,6 +19,8 @@ export function why(error, name = "The picture") {
     unauthorized: "This page's token is no longer accepted. Open the link that the server printed again.",
     wrong_origin: "The server refuses this page. Open the link that the server printed.",
     wrong_host: "The server does not answer under this name. Open the link that the server printed.",
+    no_image: `${shortened(name)} is empty.`,
+    unreadable: `${shortened(name)} cannot be read. Is it a folder, or a file that has changed?`,
     too_large: `${shortened(name)} is larger than the server takes.`,
     busy: "The server is busy with other pictures.",
     too_slow: "The server took too long to decide.",

@@ -171,7 +171,8 @@ def tune_run(
         other = [part.half(3 - half) for part in parts]
         _choose(folder / f"half-{half}.onnx", [part for part in other if part.samples], tell)
     write_bytes(card_file, (json.dumps(card, indent=2) + "\n").encode())
-    return told["presets"]
+    presets: dict[str, dict[str, Any]] = told["presets"]
+    return presets
 
 
 def _choose(
