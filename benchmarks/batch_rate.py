@@ -36,10 +36,11 @@ def tree_mb(pid: int) -> float:
     return total / 1024
 
 
-def measure(folder: Path, workers: int) -> tuple[float, float, float]:
+def measure(folder: Path, workers: int, network: str) -> tuple[float, float, float]:
     """Seconds of one batch, its highest memory in MB, and that of its first third."""
     with tempfile.TemporaryDirectory() as out:
         call = [sys.executable, "-m", "doorway3ds.cli.main", "batch", str(folder), "--out", out]
+        call += ["--network", network]
         start = time.monotonic()
         batch = subprocess.Popen([*call, "--workers", str(workers)], stderr=subprocess.DEVNULL)
         samples = []
@@ -56,6 +57,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--images", type=int, default=2000)
     parser.add_argument("--workers", type=int, nargs="+", default=[1, os.cpu_count() or 1])
+    parser.add_argument("--network", default="doornet")
     parser.add_argument("--repeat", type=int, default=1)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
@@ -66,7 +68,7 @@ def main() -> None:
         seconds: dict[int, list[float]] = {workers: [] for workers in given.workers}
         for _ in range(given.repeat):
             for workers in given.workers:
-                took, peak, early = measure(folder, workers)
+                took, peak, early = measure(folder, workers, given.network)
                 seconds[workers].append(took)
                 print(
                     f"{workers} workers: {given.images} images in {took:.1f} s, "
