@@ -42,8 +42,9 @@ def test_two_networks_as_a_ratio_and_random_weights_labelled(cli: Cli) -> None:
     assert ran.status == 0, ran.err
     assert [n["weights"] for n in result()["networks"]] == ["trained", "random"]
     assert "raw.onnx (opening, random weights: only its timing means anything)" in ran.out
-    low, high = result()["ratio"]["interval"]
-    assert low <= result()["ratio"]["total"] <= high
+    (ratio,) = result()["ratios"]
+    low, high = ratio["interval"]
+    assert low <= ratio["total"] <= high
     assert "net.onnx takes" in ran.out
 
 

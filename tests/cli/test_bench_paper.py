@@ -30,6 +30,6 @@ def test_the_pair_is_made_where_it_is_not_installed(
     (path,) = Path("res").iterdir()
     report = json.loads(path.read_text())
     assert [n["method"] for n in report["networks"]] == ["paper", "opening"]
-    assert report["ratio"]["of"] == ["cnn-srin+densedepth", "net.onnx"]
+    assert report["ratios"][0]["of"] == ["cnn-srin+densedepth", "net.onnx"]
     assert "cnn-srin+densedepth takes" in ran.out
     assert cli("bench", "--against-paper", "--network", "a", "--network", "b").status == 2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -20,12 +21,15 @@ def test_the_peers_take_turns_with_a_network(cli: Cli, monkeypatch: pytest.Monke
     ran = cli("bench", "--against", "peers", *options, "--out", "res")
     assert ran.status == 0, ran.err
     (path,) = Path("res").iterdir()
-    both, own = json.loads(path.read_text())["networks"]
-    assert list(both["stages_ms"]) == ["decode", "prepare", "network", "total"]
-    assert [len(one["samples_ms"]) for one in (both, own)] == [3, 3]
-    assert both["weights"] == "random"
-    assert "detector+depth (networks alone, random weights: only its timing" in ran.out
-    assert "detector+depth takes" in ran.out
+    *both, own = json.loads(path.read_text())["networks"]
+    ways = ["", ", 8 bits", *([", OpenVINO"] if find_spec("openvino") else [])]
+    assert [one["name"] for one in both] == [f"detector+depth{way}" for way in ways]
+    for one in both:
+        assert list(one["stages_ms"]) == ["decode", "prepare", "network", "total"]
+        assert (len(one["samples_ms"]), one["weights"]) == (3, "random")
+        assert f"{one['name']} (networks alone, random weights: only its timing" in ran.out
+        assert f"{one['name']} takes" in ran.out
+    assert len(own["samples_ms"]) == 3
     assert ran.out.count("budget") == 1  # the peers make no decision
 
 

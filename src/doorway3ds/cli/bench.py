@@ -6,13 +6,16 @@ import json
 import tempfile
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from doorway3ds.compat import StrEnum
 from doorway3ds.errors import CallError
 from doorway3ds.options import require_range
+
+if TYPE_CHECKING:
+    from doorway3ds.lab.peers import Peers
 
 RESULTS = Path("benchmarks/results")
 PAPER = ("cnn-srin", "densedepth")
@@ -77,14 +80,14 @@ def bench(
     height, width = read_image(source).image.shape[:2]
     data = source if isinstance(source, bytes) else source.read_bytes()
     with tempfile.TemporaryDirectory() as folder:
-        peers = None
+        peers: list[Peers] = []
         if against is Against.PAPER:
             networks = [_paper_pair(Path(folder)), *networks]
         elif against is Against.PEERS:
             peers = _peers(Path(folder), threads)
         results = benchmark.measure_decisions(networks, data, repeat, threads, peers)
         for result in results:
-            alone = not starts or result["name"] == getattr(peers, "name", None)
+            alone = not starts or result["name"] in {one.name for one in peers}
             result["process"] = None if alone else benchmark.measure_starts(result, data, starts)
         if against is Against.PAPER:
             results[0]["name"] = "+".join(PAPER)
@@ -94,7 +97,7 @@ def bench(
         "image": {"name": str(image or "made up"), "width": width, "height": height},
         "repeat": repeat,
         "networks": results,
-        "ratio": benchmark.ratio(results[0], results[1]) if len(results) == 2 else None,
+        "ratios": [benchmark.ratio(other, results[-1]) for other in results[:-1]],
     }
     name = f"{datetime.now():%Y-%m-%d-%H%M%S}.json"
     path = write_bytes(out / name, (json.dumps(report, indent=2) + "\n").encode())
@@ -118,12 +121,12 @@ def _paper_pair(folder: Path) -> str:
     return "+".join(parts)
 
 
-def _peers(folder: Path, threads: int | None) -> Any:
+def _peers(folder: Path, threads: int | None) -> list[Peers]:
     """A detector and a depth network of today, made in `folder`."""
-    from doorway3ds.lab.peers import Peers
+    from doorway3ds.lab.peers import make_peers
 
     try:
-        return Peers(folder, threads)
+        return make_peers(folder, threads)
     except ModuleNotFoundError as error:
         raise CallError(
             f"--against peers needs {error.name}; pip install 'doorway3ds[train]'"

@@ -79,7 +79,7 @@ def measure_decisions(
     data: bytes,
     repeat: int,
     threads: int | None,
-    peers: Peers | None = None,
+    peers: Sequence[Peers] = (),
 ) -> list[dict[str, Any]]:
     """Milliseconds from the file's bytes to the decision, by stage, for each network.
 
@@ -96,9 +96,8 @@ def measure_decisions(
         for name, pipeline in zip(names, pipelines, strict=True)
     ]
     runs: list[Callable[[bytes], Mapping[str, float]]] = [_stages(p) for p in pipelines]
-    if peers is not None:
-        said.insert(0, {"name": peers.name, "weights": peers.weights, "method": peers.method})
-        runs.insert(0, peers)
+    said[:0] = [{"name": p.name, "weights": p.weights, "method": p.method} for p in peers]
+    runs[:0] = peers
     spent: list[list[dict[str, float]]] = [[] for _ in runs]
     for turn in range(_WARM_UP + repeat):
         for run, samples in zip(runs, spent, strict=True):
@@ -235,7 +234,7 @@ def table(report: Mapping[str, Any]) -> str:
                 f"  decision    {result['stages_ms']['total']['median']:>10.2f} ms  "
                 f"(budget {BUDGET_MS:g} ms for doornet on 640x480)"
             )
-    if found := report["ratio"]:
+    for found in report["ratios"]:
         low, high = found["interval"]
         lines += [
             "",

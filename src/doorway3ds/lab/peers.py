@@ -8,10 +8,12 @@ ViT-S/14 and a DPT head, 24.8 million parameters, 518x518).
 
 from __future__ import annotations
 
+import logging
 import time
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -20,35 +22,27 @@ from numpy.typing import NDArray
 
 from doorway3ds.images.codec import read_image
 from doorway3ds.networks.adapter import squeeze
-from doorway3ds.networks.session import Session
+from doorway3ds.networks.session import Session, available_threads
 
 DETECTOR_SIDE, DEPTH_SIDE = 640, 518
 _STRIDES = ("stride8", "stride16", "stride32")
 _PATCH, _WIDTH, _HEADS, _BLOCKS, _TAPS = 14, 384, 6, 12, (2, 5, 8, 11)
 
 
+Run = Callable[[NDArray[np.float32]], object]
+
+
 class Peers:
     """Both networks on one image, without the detector's suppression of doubles or a decision.
 
-    folder: where their ONNX files are written. threads: as `Session` takes them.
-
-    Raises ModuleNotFoundError without the extra train.
+    name: of what they are run by. parts: what runs each, and the side of its input.
     """
 
-    name = "detector+depth"
     method = "networks alone"
     weights = "random"
 
-    def __init__(self, folder: Path, threads: int | None = None) -> None:
-        self._parts = []
-        for build, side, outputs in (
-            (detector, DETECTOR_SIDE, _STRIDES),
-            (partial(depth_network, DEPTH_SIDE), DEPTH_SIDE, ("depth",)),
-        ):
-            path = folder / f"{outputs[-1]}.onnx"
-            write(build, side, outputs, path)
-            session = Session(path, [(1, 3, side, side)], outputs, threads=threads)
-            self._parts.append((session, side))
+    def __init__(self, name: str, parts: Sequence[tuple[Run, int]]) -> None:
+        self.name, self._parts = name, parts
 
     def __call__(self, data: bytes) -> dict[str, float]:
         """Milliseconds by stage for an image file's bytes."""
@@ -57,11 +51,69 @@ class Peers:
         times.append(time.perf_counter())
         inputs = [_input(image, side) for _, side in self._parts]
         times.append(time.perf_counter())
-        for (session, _), value in zip(self._parts, inputs, strict=True):
-            session.run(value)
+        for (run, _), value in zip(self._parts, inputs, strict=True):
+            run(value)
         times.append(time.perf_counter())
         spent = np.diff(times) * 1e3
         return dict(zip(("decode", "prepare", "network"), spent.tolist(), strict=True))
+
+
+def make_peers(folder: Path, threads: int | None = None) -> list[Peers]:
+    """Both networks by ONNX Runtime, as they are and in 8 bits; by OpenVINO, too, if installed.
+
+    folder: where their ONNX files are written. threads: as `Session` takes them.
+
+    Raises ModuleNotFoundError without the extra train.
+    """
+    ways: dict[str, list[tuple[Run, int]]] = {"": [], ", 8 bits": [], ", OpenVINO": []}
+    for build, side, outputs in (
+        (detector, DETECTOR_SIDE, _STRIDES),
+        (partial(depth_network, DEPTH_SIDE), DEPTH_SIDE, ("depth",)),
+    ):
+        path = folder / f"{outputs[-1]}.onnx"
+        write(build, side, outputs, path)
+        for way, file in (("", path), (", 8 bits", _in_eight_bits(path, side))):
+            session = Session(file, [(1, 3, side, side)], outputs, threads=threads)
+            ways[way].append((session.run, side))
+        if find_spec("openvino") is not None:
+            ways[", OpenVINO"].append((_by_openvino(path, threads), side))
+    return [Peers(f"detector+depth{way}", parts) for way, parts in ways.items() if parts]
+
+
+def _in_eight_bits(path: Path, side: int) -> Path:
+    """The network with weights and activations of 8 bits, their ranges from two images of noise."""
+    from onnxruntime.quantization import CalibrationDataReader, quantize_static
+
+    class Noise(CalibrationDataReader):  # type: ignore[misc]
+        def __init__(self) -> None:
+            rng = np.random.default_rng(0)
+            images = rng.random((2, 1, 3, side, side), np.float32)
+            self._left = iter([{"image": image} for image in images])
+
+        def get_next(self) -> dict[str, NDArray[np.float32]] | None:
+            return next(self._left, None)
+
+    small = path.with_suffix(".int8.onnx")
+    quiet = logging.getLogger().level
+    logging.getLogger().setLevel(logging.ERROR)  # it advises to prepare the file first
+    try:
+        kinds = ["Conv", "MatMul"]
+        quantize_static(path, small, Noise(), op_types_to_quantize=kinds, per_channel=True)
+    finally:
+        logging.getLogger().setLevel(quiet)
+    return small
+
+
+def _by_openvino(path: Path, threads: int | None) -> Run:
+    import openvino
+
+    settings = {
+        "PERFORMANCE_HINT": "LATENCY",
+        "INFERENCE_NUM_THREADS": threads or available_threads(),
+        "INFERENCE_PRECISION_HINT": "f32",
+    }
+    run: Run = openvino.compile_model(path, "CPU", settings)
+    return run
 
 
 def _input(image: NDArray[np.uint8], side: int) -> NDArray[np.float32]:
