@@ -96,7 +96,7 @@ def soak(uri: str, pipeline: Pipeline, seconds: float, pace: bool) -> dict[str, 
 
     with (
         open_source(uri, loop=True, pace=pace) as source,
-        Feed(source, see, prefetch=not pace) as feed,
+        Feed(source, see, ahead=1 if pace else 2) as feed,
         Path(os.devnull).open("w") as sink,
     ):
         start = last = time.monotonic()

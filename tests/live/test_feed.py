@@ -53,17 +53,17 @@ def everything(feed: Feed[tuple[float, str]]) -> list[tuple[float, str]]:
     return found
 
 
-@pytest.mark.parametrize("prefetch", [False, True])
-def test_all_frames_come_in_order_under_their_own_names(prefetch: bool) -> None:
-    with Feed(Numbers(50), see, prefetch=prefetch) as feed:
+@pytest.mark.parametrize("ahead", [0, 1, 2])
+def test_all_frames_come_in_order_under_their_own_names(ahead: int) -> None:
+    with Feed(Numbers(50), see, ahead=ahead) as feed:
         assert everything(feed) == [(float(i), f"#{i}") for i in range(50)]
         assert feed.read(0.01) is None
 
 
-@pytest.mark.parametrize(("prefetch", "ahead"), [(False, 1), (True, 2)])
-def test_nothing_queues_while_the_caller_is_busy(prefetch: bool, ahead: int) -> None:
+@pytest.mark.parametrize("ahead", [0, 1, 2])
+def test_nothing_queues_while_the_caller_is_busy(ahead: int) -> None:
     source = Numbers(50)
-    with Feed(source, see, prefetch=prefetch) as feed:
+    with Feed(source, see, ahead=ahead) as feed:
         assert feed.read(5) == (0.0, "#0")
         time.sleep(0.2)
         # One seen and waiting; with a reader, one more read.
@@ -83,13 +83,13 @@ def test_the_network_works_while_the_caller_does() -> None:
     assert time.monotonic() - start < 0.85  # one after the other would take 1 s
 
 
-@pytest.mark.parametrize("prefetch", [False, True])
-def test_an_error_comes_in_its_turn_and_what_follows_it_still_comes(prefetch: bool) -> None:
+@pytest.mark.parametrize("ahead", [0, 1, 2])
+def test_an_error_comes_in_its_turn_and_what_follows_it_still_comes(ahead: int) -> None:
     def breaks(number: int) -> None:
         if number == 2:
             raise UserError("this picture cannot be used")
 
-    with Feed(Numbers(4, breaks), see, prefetch=prefetch) as feed:
+    with Feed(Numbers(4, breaks), see, ahead=ahead) as feed:
         assert [feed.read(5), feed.read(5)] == [(0.0, "#0"), (1.0, "#1")]
         with pytest.raises(UserError, match="cannot be used"):
             feed.read(5)
@@ -138,7 +138,7 @@ def test_a_slow_network_is_not_taken_for_a_silent_source() -> None:
 
 def test_closing_ends_the_threads_also_while_a_frame_waits() -> None:
     before = threading.active_count()
-    feed = Feed(Numbers(50), see, prefetch=True)
+    feed = Feed(Numbers(50), see, ahead=2)
     assert feed.read(5) is not None
     feed.close()
     feed.close()

@@ -152,7 +152,7 @@ def test_the_robot_s_turn_is_taken_off(turns: bool) -> None:
         return heading[0]
 
     known: Callable[[], float | None] = ask if turns else lambda: None
-    with Session(Script(8), Pipeline(Seen((4.0, 20.0))), heading=known, prefetch=False) as session:
+    with Session(Script(8), Pipeline(Seen((4.0, 20.0))), heading=known, ahead=1) as session:
         *_, last = session
     # smoothing follows a change late, unless the robot's own turn explains it
     assert last.raw.bearing_deg is not None and last.tracked.bearing_deg is not None

@@ -12,6 +12,8 @@ import pytest
 
 from doorway3ds.camera.model import Camera
 from doorway3ds.errors import UserError
+from doorway3ds.live.eyes import Eyes, Update
+from doorway3ds.live.tracker import Tracked
 from doorway3ds.robots import Driver, DryRobot, Limits, RobotLost, TurnEnd, TurnResult
 from doorway3ds.robots.loop import LoopParams, Outcome, TurnLoop
 from doorway3ds.robots.runlog import RunLog, differences, looks, read_log
@@ -81,6 +83,46 @@ def sees(world: World, door_deg: float | None, half_deg: float = 30.0) -> Callab
     return decide
 
 
+class Looks(Eyes):
+    """What looks in a world, by a made-up decision for each frame, and a check of the way."""
+
+    looks_down = False
+    ended = False
+
+    def __init__(
+        self,
+        world: World,
+        decide: Callable[[Frame], Decision],
+        check: Callable[[Decision], bool] | None = None,
+    ) -> None:
+        super().__init__(lambda: world.now)
+        self._world, self._decide, self._check = world, decide, check
+        self.looks_down = check is not None
+
+    @property
+    def pipeline(self) -> Any:
+        return self
+
+    def stay(self, decision: Decision, expected_deg: float | None) -> Decision:
+        return decision
+
+    def read(self, timeout_s: float | None = None) -> Update | None:
+        frame = self._world.read(timeout_s)
+        if frame is None or frame.stamp_s < self._from_s:
+            return None
+        made = self._decide(frame)
+        return Update(self._world.reads, "world", Tracked(made, made, made.p_open))
+
+    def check_way(
+        self, after_s: float, within_s: float, decision: Decision
+    ) -> tuple[Frame, bool | None] | None:
+        assert self._check is not None
+        clear = self._check(decision)
+        frame = self._world.read(within_s)
+        assert frame is not None
+        return frame, clear
+
+
 def loop(
     world: World,
     decide: Callable[[Frame], Decision],
@@ -88,18 +130,12 @@ def loop(
     move: bool = True,
     log: RunLog | None = None,
     params: LoopParams | None = None,
+    check: Callable[[Decision], bool] | None = None,
     **limits: Any,
 ) -> TurnLoop:
     driver = Driver(world, move=move, limits=Limits(**limits), clock=lambda: world.now)
-    return TurnLoop(
-        world,
-        lambda frame, expected_deg: decide(frame),
-        driver,
-        params,
-        log=log,
-        clock=lambda: world.now,
-        sleep=world.sleep,
-    )
+    eyes = Looks(world, decide, check)
+    return TurnLoop(eyes, driver, params, log=log, clock=lambda: world.now, sleep=world.sleep)
 
 
 def test_a_way_that_was_blocked_must_be_called_free_twice_in_a_row() -> None:
@@ -138,18 +174,15 @@ class Headed(World):
 def looking_down(world: Headed, clear: bool, log: RunLog | None = None) -> TurnLoop:
     """A loop towards a door at 25 deg; looking down shows its way free, or not."""
 
-    def decide(frame: Frame, expected_deg: float | None) -> Decision:
+    def decide(frame: Frame) -> Decision:
         assert world.head == (0.0, 5.0)  # level decisions are made with a level head
         return sees(world, 25.0)(frame)
 
-    def check(frame: Frame, found: Decision) -> bool:
-        assert world.aims[-2] == (found.selection.bearing_deg, -10.0)  # and back again
+    def check(found: Decision) -> bool:
+        assert world.aims[-1] == (found.selection.bearing_deg, -10.0)
         return clear
 
-    driver = Driver(world, move=True, clock=lambda: world.now)
-    return TurnLoop(
-        world, decide, driver, check=check, log=log, clock=lambda: world.now, sleep=world.sleep
-    )
+    return loop(world, decide, log=log, check=check)
 
 
 def test_it_looks_down_along_the_way_before_it_turns_and_before_it_is_content() -> None:

@@ -36,11 +36,10 @@ from doorway3ds.sources.options import SourceOptions
 
 if TYPE_CHECKING:
     from doorway3ds.decide.pipeline import Pipeline
-    from doorway3ds.live.session import Update
+    from doorway3ds.live.eyes import Update
     from doorway3ds.robots.base import Driver, Robot
     from doorway3ds.robots.loop import LoopParams, Report
     from doorway3ds.robots.runlog import RunLog
-    from doorway3ds.types import Decision, Frame
 
 
 @expand
@@ -126,7 +125,7 @@ def live(
         if robot is not None:
             driver = stack.enter_context(driver_of(robot, found, motion))
         heading = _heading(driver.robot) if driver is not None and driver.move else _still
-        session = Session(found, pipeline, prefetch=not (found.live or pace), heading=heading)
+        session = Session(found, pipeline, ahead=1 if found.live or pace else 2, heading=heading)
         watch = Watch(session, as_json, film)
         watch.keep = keep
         if log is not None and robot is None:
@@ -165,16 +164,13 @@ def _drive(
 
     Signals reach the main thread, and so the loop, which stops the robot before anything else.
     """
+    from doorway3ds.live.eyes import Relay
     from doorway3ds.robots.loop import TurnLoop
-    from doorway3ds.robots.relay import Relay
     from doorway3ds.sources import SourceLost
 
-    relay = Relay(pipeline.stay)
-    watch.decided = relay.offer
+    relay = Relay(pipeline)
+    watch.offer = relay.offer
     failed: list[UserError] = []
-
-    def check(frame: Frame, decision: Decision) -> bool | None:
-        return pipeline.check_way(frame, decision, relay.perception(frame))
 
     def watching() -> None:
         try:
@@ -185,13 +181,10 @@ def _drive(
                 failed.append(error)
             relay.end(error)
 
-    looks_down = check if pipeline.method == "opening" else None
     thread = threading.Thread(target=watching, name="watch", daemon=True)
     thread.start()
     try:
-        report = TurnLoop(
-            relay, relay.decide, driver, params, check=looks_down, log=log, tell=tell
-        ).run()
+        report = TurnLoop(relay, driver, params, log=log, tell=tell).run()
     finally:
         watch.session.stop()
         thread.join()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -25,9 +25,6 @@ from doorway3ds.cli.shared.viewer import Rerun, viewer_of
 from doorway3ds.decide.options import DecideOptions
 from doorway3ds.errors import UserError
 from doorway3ds.robots.options import MotionOptions
-
-if TYPE_CHECKING:
-    from doorway3ds.types import Decision, Frame
 
 _SAID = {
     "aligned": "I am facing the doorway.",
@@ -66,6 +63,7 @@ def run(
     Example: 3ds run 'sim://home?seed=7' --robot sim --move
     """
     from doorway3ds.draw.words import counted
+    from doorway3ds.live.session import Session
     from doorway3ds.robots.loop import LoopParams, TurnLoop
 
     require_robot(robot)
@@ -76,16 +74,12 @@ def run(
         driver = stack.enter_context(driver_of(robot, found, motion))
         record = stack.enter_context(logged(log, decide, pipeline, found, driver))
         params = LoopParams(aligned_deg=decide.aligned_deg, blocked_s=motion.blocked_s)
-        check = pipeline.check_way if pipeline.method == "opening" else None
         viewer = stack.enter_context(viewer_of(rerun))
-
-        def judge(frame: Frame, expected_deg: float | None) -> Decision:
-            decision = pipeline.decide(frame, expected_deg)
-            if viewer is not None:
-                viewer.add(decision)
-            return decision
-
-        report = TurnLoop(found, judge, driver, params, check=check, log=record, tell=_tell).run()
+        # It looks when the loop asks, so that no look is older than it must be.
+        eyes = stack.enter_context(Session(found, pipeline, ahead=0))
+        report = TurnLoop(
+            eyes, driver, params, log=record, tell=_tell, decided=viewer.add if viewer else _ignore
+        ).run()
         if say and motion.move:
             with contextlib.suppress(UserError):
                 driver.robot.say(_SAID.get(report.outcome, "I stopped."))
@@ -98,6 +92,10 @@ def run(
     )
     if report.outcome.status:
         raise typer.Exit(report.outcome.status)
+
+
+def _ignore(decision: object) -> None:
+    """What is done with a decision that nothing shows."""
 
 
 def _tell(line: str) -> None:

@@ -1,7 +1,7 @@
 """A source and a network at work in threads of their own, one frame ahead of who decides.
 
 While one frame is decided on, shown and written, the network looks at the next. Nothing queues:
-at most one finished frame waits, and a live source gives its newest picture when that is taken.
+at most one finished frame waits, and a live source gives its newest image when that is taken.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-_WAIT_S = 0.5  # for a picture, before the source counts as silent
+_WAIT_S = 0.5  # for an image, before the source counts as silent
 _CLOSE_WAIT_S = 2.0
 
 
@@ -36,29 +36,31 @@ class Frames(Protocol):
 class Feed(Generic[T]):
     """What `see` makes of a source's frames, in their order.
 
-    see: is given each frame and what it is called; runs in the feed's thread.
-    prefetch: also read, and decode, one frame ahead of `see`, in a thread more. For sources that
-        lose nothing by waiting: a live one would hand out a picture that is no longer its newest.
+    see: is given each frame and what it is called; None for a frame that is of no use.
+    ahead: threads. 0: all is done by who reads. 1: `see` runs one frame ahead. 2: the source, too,
+        is read and decoded one frame ahead of `see`. For sources that lose nothing by waiting: a
+        live one would hand out an image that is no longer its newest.
 
     The source stays the caller's; close the feed first.
     """
 
     def __init__(
-        self, source: Frames, see: Callable[[Frame, str], T], *, prefetch: bool = False
+        self, source: Frames, see: Callable[[Frame, str], T | None], *, ahead: int = 1
     ) -> None:
         self._source, self._see = source, see
-        self._reader: _Ahead[tuple[Frame, str]] | None = None
         self._silent = False
-        if prefetch:
+        self._reader: _Ahead[tuple[Frame, str]] | None = None
+        self._seer: _Ahead[T] | None = None
+        if ahead > 1:
             self._reader = _Ahead(self._fetch, lambda: source.ended, "reader")
-        reader = self._reader
-        over = (lambda: source.ended) if reader is None else (lambda: reader.ended)
-        self._seer = _Ahead(self._step, over, "network")
+        if ahead:
+            feeds = self._reader or source
+            self._seer = _Ahead(self._step, lambda: feeds.ended, "network")
 
     @property
     def ended(self) -> bool:
         """Nothing further will come."""
-        return self._seer.ended
+        return (self._seer or self._source).ended
 
     @property
     def silent(self) -> bool:
@@ -71,7 +73,7 @@ class Feed(Generic[T]):
         Raises, in its turn, what the source or `see` raised. After a UserError that did not end
         the source, further results come.
         """
-        return self._seer.read(timeout_s)
+        return self._step(timeout_s) if self._seer is None else self._seer.read(timeout_s)
 
     def close(self) -> None:
         """Ends the threads; may be called twice."""
@@ -85,11 +87,11 @@ class Feed(Generic[T]):
     def __exit__(self, *error: object) -> None:
         self.close()
 
-    def _fetch(self, timeout_s: float) -> tuple[Frame, str] | None:
+    def _fetch(self, timeout_s: float | None) -> tuple[Frame, str] | None:
         frame = self._source.read(timeout_s)
         return None if frame is None else (frame, self._source.frame_name)
 
-    def _step(self, timeout_s: float) -> T | None:
+    def _step(self, timeout_s: float | None) -> T | None:
         fetched = self._fetch(timeout_s) if self._reader is None else self._reader.read(timeout_s)
         self._silent = fetched is None
         if fetched is None:

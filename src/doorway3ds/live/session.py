@@ -1,4 +1,4 @@
-"""The one engine of live use: a source, a pipeline and memory between frames at work together."""
+"""The one engine: a source, a pipeline and memory between frames at work together."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.decide.pipeline import Pipeline
+from doorway3ds.live.eyes import Eyes, Update
 from doorway3ds.live.feed import Feed
 from doorway3ds.live.track import TrackerParams
-from doorway3ds.live.tracker import Tracked, Tracker
+from doorway3ds.live.tracker import Tracker
 from doorway3ds.sources import Source, open_source
-from doorway3ds.types import Decision, Frame, Perception, Reason
+from doorway3ds.types import Frame, Perception, Reason
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -22,34 +23,6 @@ if TYPE_CHECKING:
     from doorway3ds.sources.base import CameraFor, PoseOf
 
 _WAIT_S = 0.25
-
-
-@dataclass(frozen=True)
-class Update:
-    """What is known after a frame, or after none came for too long.
-
-    number: of the frame, counted from 1; of the last one if `fresh` is false.
-    name: of the frame: a file of a folder, else the source.
-    tracked: the decision with memory, and the frame's own.
-    fresh: a frame was decided on; false: the camera is silent and the decision is `lost`.
-    problem: why no frame comes, in words, or None.
-    """
-
-    number: int
-    name: str
-    tracked: Tracked
-    fresh: bool = True
-    problem: str | None = None
-
-    @property
-    def decision(self) -> Decision:
-        """The decision with memory: act on this one."""
-        return self.tracked.decision
-
-    @property
-    def raw(self) -> Decision:
-        """The frame's own decision, without memory."""
-        return self.tracked.raw
 
 
 @dataclass(frozen=True)
@@ -71,15 +44,16 @@ class _Seen:
     setup: _Setup
 
 
-class Session:
+class Session(Eyes):
     """Decides on every frame of a source, with memory; an iterator of `Update`.
 
     The network looks at the next frame in a thread of its own while one is decided on and used.
     Use it as a context manager, so that its threads end.
 
     source: stays the caller's, to be closed after the session, unless `owns`.
-    prefetch: also read one frame ahead; default: for sources that lose nothing by waiting.
+    ahead: threads, as of a `Feed`; default: 2, of a live source 1; with 0 it looks when asked.
     heading: the robot's, in degrees, + left, if one turns under the camera; None: unknown now.
+    clock: of the frames' stamps.
     """
 
     def __init__(
@@ -87,10 +61,12 @@ class Session:
         source: Source,
         pipeline: Pipeline,
         *,
-        prefetch: bool | None = None,
+        ahead: int | None = None,
         heading: Callable[[], float | None] = lambda: None,
         owns: bool = False,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        super().__init__(clock)
         self.source = source
         self._setup = _Setup(pipeline, _tracker(pipeline), _as_it_is)
         self._heading = heading
@@ -99,8 +75,12 @@ class Session:
         self._stopping = threading.Event()
         self._last: Update | None = None
         self._memory = self._setup.tracker  # of the last frame decided on
-        ahead = not source.live if prefetch is None else prefetch
-        self._feed = Feed(source, self._see, prefetch=ahead)
+        usual = 1 if source.live else 2
+        self._feed = Feed(source, self._see, ahead=usual if ahead is None else ahead)
+
+    @property
+    def pipeline(self) -> Pipeline:
+        return self._setup.pipeline
 
     @property
     def ended(self) -> bool:
@@ -135,7 +115,7 @@ class Session:
             self._last = Update(number, seen.name, tracked)
             return self._last
         if self.source.live and self.silent:
-            return self._without_picture(time.monotonic())
+            return self._without_picture(self._clock())
         return None
 
     def lost(self) -> Update | None:
@@ -167,8 +147,10 @@ class Session:
     def __exit__(self, *error: object) -> None:
         self.close()
 
-    def _see(self, frame: Frame, name: str) -> _Seen:
+    def _see(self, frame: Frame, name: str) -> _Seen | None:
         """The network's part, in the feed's thread."""
+        if frame.stamp_s < self._from_s:
+            return None
         setup = self._setup
         frame = setup.adapt(frame)
         return _Seen(frame, name, setup.pipeline.perceive(frame), setup)
@@ -221,7 +203,7 @@ def watch(
     return Session(
         open_source(source, camera=camera, pose=pose, **options),
         pipeline,
-        prefetch=False if options.get("pace") else None,
+        ahead=1 if options.get("pace") else None,
         owns=True,
     )
 

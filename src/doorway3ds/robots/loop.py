@@ -1,6 +1,6 @@
 """The closed loop: look, decide, turn, look again, until the robot faces the doorway or should not.
 
-The loop decides nothing about doorways and moves nothing itself: decisions come from the pipeline,
+The loop decides nothing about doorways and moves nothing itself: decisions come from who looks,
 motion goes through a `Driver`.
 """
 
@@ -10,7 +10,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol, TypeVar
 
 from doorway3ds.compat import StrEnum
 from doorway3ds.decide.options import ALIGNED_DEG
@@ -18,7 +18,10 @@ from doorway3ds.draw.words import counted
 from doorway3ds.errors import UserError
 from doorway3ds.robots.base import HALTING, Driver, Refused, RobotLost, TurnEnd, TurnResult
 from doorway3ds.robots.runlog import RunLog
+from doorway3ds.sources.base import SourceLost
 from doorway3ds.types import Decision, Frame, Reason
+
+T = TypeVar("T")
 
 
 class Outcome(StrEnum):
@@ -48,14 +51,25 @@ _STATUS = {
 }
 
 
+_UNSEEN = Outcome.LOST, "no fresh image comes from the camera"
+
 SAME_WAY_DEG = 6.0
 """A way this near to one that was looked down along is that way."""
 
 
-class Frames(Protocol):
-    """The part of a source that the loop needs."""
+class Eyes(Protocol):
+    """What the loop needs of a session; `doorway3ds.live.eyes.Eyes` says what each returns."""
 
-    def read(self, timeout_s: float | None = None) -> Frame | None: ...
+    @property
+    def looks_down(self) -> bool: ...
+
+    def look(
+        self, after_s: float, within_s: float, expected_deg: float | None = None
+    ) -> Decision | None: ...
+
+    def check_way(
+        self, after_s: float, within_s: float, decision: Decision
+    ) -> tuple[Frame, bool | None] | None: ...
 
 
 @dataclass(frozen=True)
@@ -63,7 +77,7 @@ class LoopParams:
     """aligned_deg: it faces the doorway within this.
 
     search_deg: one step of the search; glance_deg: of a look to the side of a cut doorway, at most.
-    settle_s: how long after a turn pictures are still blurred. frame_s: without a fresh picture
+    settle_s: how long after a turn images are still blurred. frame_s: without a fresh image
     for so long the camera is lost. blocked_looks, blocked_s: how often to look at a blocked way,
     and how long to wait in between; freed_looks: in a row that must call a way free that was
     blocked, since a network's answer may flicker. down_deg: how far the head is lowered to look
@@ -114,36 +128,37 @@ class _Action:
 class TurnLoop:
     """The closed loop: look, decide, turn, look again, until the robot faces the doorway.
 
-    >>> from doorway3ds import Driver, Pipeline, open_source
+    >>> from doorway3ds import Driver, watch
     >>> from doorway3ds.robots import DryRobot
-    >>> with open_source("examples/no-doorway.jpg") as source:
-    ...     report = TurnLoop(source, Pipeline.default().decide, Driver(DryRobot())).run()
+    >>> with watch("examples/no-doorway.jpg") as eyes:
+    ...     report = TurnLoop(eyes, Driver(DryRobot())).run()
     >>> report.outcome, report.why
     (<Outcome.DRY: 'dry'>, 'it would search +40.0 deg')
 
-    tell: is called with one line about each look and turn.
-    decide: the decision for a frame, given the bearing at which the doorway that was turned to last
-    should be, None without one. check: whether the way to a decided doorway is free in a frame that
-    looks down along it; without it no head is lowered. clock, sleep: the frames' clock, and how to
-    wait on it.
+    Args:
+        eyes: what looks and decides, such as `watch` returns.
+        driver: the gate to the robot's motion.
+        params: when it is content, and for how long it tries.
+        log: of the run. tell: is called with one line about each look and turn. decided: is called
+            with each decision.
+        clock, sleep: the frames' clock, and how to wait on it.
     """
 
     def __init__(
         self,
-        source: Frames,
-        decide: Callable[[Frame, float | None], Decision],
+        eyes: Eyes,
         driver: Driver,
         params: LoopParams | None = None,
         *,
-        check: Callable[[Frame, Decision], bool | None] | None = None,
         log: RunLog | None = None,
         tell: Callable[[str], None] = lambda line: None,
+        decided: Callable[[Decision], object] = lambda decision: None,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        self._source, self._decide, self._driver = source, decide, driver
-        self._check = check
-        self._params, self._log, self._tell = params or LoopParams(), log or RunLog(None), tell
+        self._eyes, self._driver = eyes, driver
+        self._params, self._log = params or LoopParams(), log or RunLog(None)
+        self._tell, self._decided = tell, decided
         self._clock, self._sleep = clock, sleep
         self._ready_s = -math.inf
         self._looks = self._goes = self._searches = 0
@@ -163,7 +178,7 @@ class TurnLoop:
         try:
             try:
                 self._driver.prepare()
-                # Pictures from before the robot stood up are of something else.
+                # Images from before the robot stood up are of something else.
                 self._ready_s = self._clock() if self._driver.move else -math.inf
                 outcome, why = self._steps()
             except RobotLost as error:
@@ -184,10 +199,10 @@ class TurnLoop:
 
     def _steps(self) -> tuple[Outcome, str]:
         while True:
-            frame = self._fresh()
-            if frame is None:
-                return Outcome.LOST, "no fresh picture comes from the camera"
-            decision = self._decide(frame, self._expected_deg)
+            decision = self._seen(self._eyes.look, self._expected_deg)
+            if decision is None:
+                return _UNSEEN
+            self._decided(decision)
             self._looks += 1
             checks = self._unchecked(decision)
             action = _Action("look down") if checks else self._plan(decision)
@@ -198,24 +213,17 @@ class TurnLoop:
             if action.kind == "wait":
                 self._wait(self._params.blocked_s)
                 continue
-            end = self._look_down(decision) if checks else self._turn(action, frame)
+            end = self._look_down(decision) if checks else self._turn(action, decision.frame)
             if end is not None:
                 return end
 
-    def _fresh(self) -> Frame | None:
-        """A picture taken after the last motion, or None where none comes in time."""
-        deadline = self._clock() + self._params.frame_s
-        while (left := deadline - self._clock()) > 0:
-            try:
-                frame = self._source.read(left)
-            except UserError as error:
-                self._log.write("lost", what=str(error))
-                return None
-            if frame is not None and frame.stamp_s >= self._ready_s:
-                return frame
-            if frame is None and getattr(self._source, "ended", False):
-                return None
-        return None
+    def _seen(self, look: Callable[..., T | None], *what: Any) -> T | None:
+        """A look at an image taken after the last motion; None if the camera is lost."""
+        try:
+            return look(self._ready_s, self._params.frame_s, *what)
+        except SourceLost as error:
+            self._log.write("lost", what=str(error))
+            return None
 
     def _plan(self, decision: Decision) -> _Action:
         """What to do about one decision."""
@@ -252,28 +260,26 @@ class TurnLoop:
     def _unchecked(self, decision: Decision) -> bool:
         """Whether the robot should look down along the way before it does as decided."""
         bearing = decision.selection.bearing_deg
-        if self._check is None or not self._driver.move or self._params.down_deg <= 0:
+        if not (self._eyes.looks_down and self._driver.move and self._params.down_deg > 0):
             return False
         if decision.reason not in (Reason.TURN, Reason.ALIGNED) or bearing is None:
             return False
         return self._checked_deg is None or abs(bearing - self._checked_deg) > SAME_WAY_DEG
 
     def _look_down(self, decision: Decision) -> tuple[Outcome, str] | None:
-        """Looks for what stands below the level picture; an outcome where that ends the run."""
-        if self._check is None:
-            return None
+        """Looks for what stands below the level image; an outcome if that ends the run."""
         found, params = decision.selection, self._params
         self._checked_deg = found.bearing_deg
         before = self._driver.aim(found.bearing_deg or 0.0, -params.down_deg)
         if before is None:  # no head to lower
             return None
         self._ready_s = self._clock() + params.settle_s
-        frame = self._fresh()
+        seen = self._seen(self._eyes.check_way, decision)
         self._driver.aim(*before)
         self._ready_s = self._clock() + params.settle_s
-        if frame is None:
-            return Outcome.LOST, "no fresh picture comes from the camera"
-        clear = self._check(frame, decision)
+        if seen is None:
+            return _UNSEEN
+        frame, clear = seen
         self._log.down(self._looks, frame, found, clear)
         self._tell(f"look down: {'free' if clear is not False else 'blocked'}")
         if clear is not False:

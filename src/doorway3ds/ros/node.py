@@ -17,7 +17,8 @@ from doorway3ds.decide.pipeline import build_pipeline
 from doorway3ds.draw.space import chosen
 from doorway3ds.draw.words import sentence
 from doorway3ds.errors import CallError, UserError
-from doorway3ds.live.session import Session, Update
+from doorway3ds.live.eyes import Update
+from doorway3ds.live.session import Session
 from doorway3ds.robots.base import Driver, Limits, TurnEnd
 from doorway3ds.ros import messages
 from doorway3ds.ros.base import BaseRobot, Odometry

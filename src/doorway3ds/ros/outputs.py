@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from doorway3ds.draw.space import chosen, corridor
-from doorway3ds.live.session import Update
+from doorway3ds.live.eyes import Update
 from doorway3ds.ros import messages
 from doorway3ds.ros.messages import ros_message as make
 from doorway3ds.ros.topic import TopicFrame

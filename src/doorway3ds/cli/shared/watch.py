@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from doorway3ds.cli.shared.panel import Panel
     from doorway3ds.images.film import Film
-    from doorway3ds.live.session import Session, Update
+    from doorway3ds.live.eyes import Update
+    from doorway3ds.live.session import Session
     from doorway3ds.live.tracker import Tracked
     from doorway3ds.robots.runlog import RunLog
     from doorway3ds.sources import Source
-    from doorway3ds.types import Decision
 
 _WAIT_S = 0.25
 _SAY_S = 1.0  # between lines without a panel, where the reason stays the same
@@ -24,7 +24,7 @@ _SAY_S = 1.0  # between lines without a panel, where the reason stays the same
 class Watch:
     """Shows and keeps what a session decides.
 
-    decided: is called with each frame's own decision. why: how `all` ended.
+    offer: is called with each update first. why: how `all` ended.
     keep: are called with every update and its line of JSON.
     """
 
@@ -32,7 +32,7 @@ class Watch:
 
     panel: Panel | None = None
     log: RunLog | None = None
-    decided: Callable[[Decision], None] | None = None
+    offer: Callable[[Update], None] | None = None
 
     def __init__(self, session: Session, as_json: bool, film: Film | None = None) -> None:
         self.session, self._as_json, self._film = session, as_json, film
@@ -60,8 +60,8 @@ class Watch:
 
     def _answer(self, update: Update) -> None:
         tracked, raw = update.tracked, update.raw
-        if self.decided is not None:
-            self.decided(raw)
+        if self.offer is not None:
+            self.offer(update)
         if self._as_json:
             print_json(self._line(tracked, update.name))
         elif self.panel is not None:

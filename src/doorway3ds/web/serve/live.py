@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from doorway3ds.draw import annotate, overlay
 from doorway3ds.errors import UserError
 from doorway3ds.images.codec import encode_jpeg
-from doorway3ds.live.session import Session, Update
+from doorway3ds.live.eyes import Update
+from doorway3ds.live.session import Session
 from doorway3ds.live.tracker import Tracked
 from doorway3ds.sources.base import Source, SourceLost
 from doorway3ds.types import Decision, Reason
@@ -176,7 +177,7 @@ class Live:
         try:
             with (
                 self._start() as source,
-                Session(source, self._pipeline, prefetch=False) as session,
+                Session(source, self._pipeline, ahead=1) as session,
             ):
                 self._session = session
                 if self.fields != Fields():  # changed meanwhile

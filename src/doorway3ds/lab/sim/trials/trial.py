@@ -11,20 +11,20 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Camera
-from doorway3ds.decide.follow import follow
-from doorway3ds.decide.gates import decide
-from doorway3ds.decide.opening import columns_from_spans, select_opening, way_below
-from doorway3ds.decide.paper import select_paper
 from doorway3ds.decide.pipeline import Pipeline
+from doorway3ds.lab.sim.pictures.perceive import perfect
 from doorway3ds.lab.sim.pictures.truth import Truth
 from doorway3ds.lab.sim.robot.body import FastClock
 from doorway3ds.lab.sim.robot.world import SimRobot, Studio, World
 from doorway3ds.lab.sim.stages.scenarios import Stage
+from doorway3ds.live.session import Session
 from doorway3ds.networks.base import Network
 from doorway3ds.robots.base import Driver, TurnResult
 from doorway3ds.robots.loop import LoopParams, Outcome, TurnLoop
+from doorway3ds.sources.base import Source
 from doorway3ds.types import Decision, Frame, Perception
 
 Method = Literal["opening", "paper"]
@@ -62,33 +62,51 @@ class Episode:
     took_s: float
 
 
-class _Eyes:
-    """The camera of a world, with the truth of the last picture at hand.
+class _Eyes(Source):
+    """The camera of a world, with the truth of the last image at hand.
 
-    A network needs the picture; truth needs only depth, which is drawn in half the time.
+    A network needs the image; truth needs only depth, which is drawn in half the time.
     """
 
-    def __init__(self, world: World, clock: FastClock, pictures: bool) -> None:
-        self._world, self._clock, self._pictures = world, clock, pictures
+    live = True
+
+    def __init__(self, world: World, clock: FastClock, images: bool) -> None:
+        super().__init__("sim")
+        self._world, self._clock, self._images = world, clock, images
         self._camera: Camera = world.body.camera(*SIZE)
-        self.depth: np.ndarray | None = None
-        self.truth: Truth | None = None
-        self.seen: Callable[[Frame], None] = lambda frame: None
+        self.shown: Truth | None = None
+        self.depth = np.zeros((0, 0), np.float32)
 
     def read(self, timeout_s: float | None = None) -> Frame:
         self._clock.sleep(LOOK_S / 2)
         stamp, eye = self._clock.now(), self._world.eye()
-        if self._pictures:
+        if self._images:
             shot = self._world.shot(*SIZE)
-            image, self.depth, self.truth = shot.rgb, shot.depth, shot.truth
+            image, self.shown = shot.rgb, shot.truth
         else:
             image = np.zeros((SIZE[1], SIZE[0], 3), np.uint8)
             home = self._world.stage.home
-            self.depth, self.truth = self._world.studio.truth(home, self._camera, eye)
+            self.depth, self.shown = self._world.studio.truth(home, self._camera, eye)
         self._clock.sleep(LOOK_S / 2)
-        frame = Frame(image, self._camera, eye.pose, stamp)
-        self.seen(frame)
-        return frame
+        return Frame(image, self._camera, eye.pose, stamp)
+
+    def close(self) -> None:
+        self.ended = True
+
+
+class _Truth:
+    """The truth of the last image, as a network that makes no mistakes would report it."""
+
+    name = "truth"
+    gives = frozenset({"p_open", "columns", "depth", "floor"})
+
+    def __init__(self, eyes: _Eyes) -> None:
+        self._eyes = eyes
+
+    def __call__(self, image: NDArray[np.uint8], camera: Camera) -> Perception:
+        if self._eyes.shown is None:
+            raise RuntimeError("a decision needs a look")
+        return perfect(self._eyes.shown, self._eyes.depth)
 
 
 class _Judge(SimRobot):
@@ -100,7 +118,7 @@ class _Judge(SimRobot):
         self.away: list[bool] = []
 
     def turn(self, theta_deg: float, timeout_s: float) -> TurnResult:
-        truth = self._eyes.truth
+        truth = self._eyes.shown
         bearings = [o.bearing_deg for o in truth.openings] if truth is not None else []
         was, now = (
             min((abs(b - turned) for b in bearings), default=180.0) for turned in (0.0, theta_deg)
@@ -122,25 +140,8 @@ def play(
     world = World(studio, stage, clock=clock)
     eyes = _Eyes(world, clock, network is not None)
     robot = _Judge(world, eyes)
-    pipeline = None if network is None else Pipeline(network, method)
+    pipeline = Pipeline(network or _Truth(eyes), method)
     goes: list[int] = []
-
-    def look(frame: Frame, expected_deg: float | None) -> Decision:
-        decision = pipeline.decide(frame) if pipeline else _true_decision(eyes, frame, method)
-        decision = follow(
-            decision,
-            expected_deg,
-            pipeline.params if pipeline else None,
-            pipeline.gates if pipeline else None,
-        )
-        watch(decision, world)
-        return decision
-
-    def check(frame: Frame, decision: Decision) -> bool | None:
-        if pipeline is not None:
-            return pipeline.check_way(frame, decision)
-        found = decision.selection
-        return way_below(_perfect(eyes, frame), frame, found.bearing_deg or 0.0, found.range_m)
 
     def note(line: str) -> None:
         if line.startswith("look") and "-> go" in line:
@@ -148,8 +149,9 @@ def play(
 
     driver = Driver(robot, move=True, clock=clock.now)
     report = TurnLoop(
-        eyes, look, driver, params, check=check if method == "opening" else None,
-        tell=note, clock=clock.now, sleep=clock.sleep,
+        Session(eyes, pipeline, ahead=0, clock=clock.now), driver, params,
+        tell=note, decided=lambda decision: watch(decision, world),
+        clock=clock.now, sleep=clock.sleep,
     ).run()  # fmt: skip
     wrong = sum(robot.away[k] for k in goes if k < len(robot.away))
     off, clear = _off(studio, world)
@@ -158,7 +160,7 @@ def play(
         scene=stage.scene,
         seed=stage.seed,
         method=method,
-        network="truth" if network is None else network.name,
+        network=pipeline.network.name,
         outcome=str(report.outcome),
         why=report.why,
         success=bool(_succeeded(stage, report.outcome, off, bool(goes))),
@@ -172,25 +174,6 @@ def play(
         looks=report.looks,
         took_s=report.took_s,
     )
-
-
-def _perfect(eyes: _Eyes, frame: Frame) -> Perception:
-    if eyes.truth is None or eyes.depth is None:
-        raise RuntimeError("a decision needs a look")
-    spans = [(o.left_px, o.right_px) for o in eyes.truth.openings]
-    return Perception(
-        p_open=float(bool(spans)),
-        columns=columns_from_spans(spans, frame.camera.width),
-        depth_m=eyes.depth,
-        floor=eyes.truth.floor.astype(np.float32),
-    )
-
-
-def _true_decision(eyes: _Eyes, frame: Frame, method: Method) -> Decision:
-    perception = _perfect(eyes, frame)
-    if method == "paper":
-        return decide(perception, select_paper(perception, frame), frame, method)
-    return decide(perception, select_opening(perception, frame), frame, method)
 
 
 def _succeeded(stage: Stage, outcome: Outcome, off: float | None, went: bool) -> bool:
