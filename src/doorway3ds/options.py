@@ -7,7 +7,6 @@ makes its options of these fields; from Python they are ordinary keyword argumen
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
@@ -18,7 +17,8 @@ from doorway3ds.errors import CallError
 class Setting:
     """What is known of one value.
 
-    low, high: bounds, both included, of a number. names: of the option; default: the field's own.
+    low, high: bounds, included, of a number. names: of the option; default: the field's own.
+    envvar: of the environment, read if the option is not given.
     """
 
     help: str
@@ -26,19 +26,12 @@ class Setting:
     high: float | None = None
     metavar: str | None = None
     names: tuple[str, ...] = ()
+    envvar: str | None = None
 
 
-def setting(
-    default: Any,
-    help: str,
-    *,
-    low: float | None = None,
-    high: float | None = None,
-    metavar: str | None = None,
-    names: tuple[str, ...] = (),
-) -> Any:
-    """A field of a dataclass of options."""
-    return field(default=default, metadata={"setting": Setting(help, low, high, metavar, names)})
+def setting(default: Any, help: str, **known: Any) -> Any:
+    """A field of a dataclass of options, or a parameter of a command; known: of `Setting`."""
+    return field(default=default, metadata={"setting": Setting(help, **known)})
 
 
 @dataclass(frozen=True)
@@ -53,8 +46,8 @@ class Options:
     panel: ClassVar[str] = "Options"
 
     def __post_init__(self) -> None:
-        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
-        check(type(self), values)
+        for name, known in settings_of(type(self)).items():
+            check(name, getattr(self, name), known)
 
 
 def settings_of(kind: type[Options]) -> dict[str, Setting]:
@@ -62,16 +55,19 @@ def settings_of(kind: type[Options]) -> dict[str, Setting]:
     return {entry.name: entry.metadata["setting"] for entry in fields(kind)}
 
 
-def check(
-    kind: type[Options], values: Mapping[str, Any], called: Callable[[str], str] = str
+def check(name: str, value: Any, known: Setting) -> None:
+    """CallError for a number outside its bounds; `name`: what the user calls it."""
+    if known.low is not None or known.high is not None:
+        require_range(name, value, known.low, known.high)
+
+
+def require_range(
+    name: str, value: float | None, low: float | None = None, high: float | None = None
 ) -> None:
-    """CallError for the first value outside its bounds; `called` names a field to the user."""
-    for name, known in settings_of(kind).items():
-        if known.low is not None and known.high is not None:
-            require_range(called(name), values[name], known.low, known.high)
-
-
-def require_range(name: str, value: float | None, low: float, high: float) -> None:
     """CallError if a value is given and not between low and high (so nan is refused, too)."""
-    if value is not None and not (math.isfinite(value) and low <= value <= high):
-        raise CallError(f"{name} must be a number from {low:g} to {high:g}, got {value:g}")
+    if value is None:
+        return
+    above, below = low is None or value >= low, high is None or value <= high
+    if not (math.isfinite(value) and above and below):
+        bounds = f"of at least {low:g}" if high is None else f"from {low:g} to {high:g}"
+        raise CallError(f"{name} must be a number {bounds}, got {value:g}")

@@ -29,8 +29,8 @@ if not collect_ignore_glob:
 
     from doorway3ds.decide.options import DecideOptions
     from doorway3ds.sources.base import Source
+    from doorway3ds.web.base.access import Limits
     from doorway3ds.web.base.run import listen, make_server
-    from doorway3ds.web.base.settings import Limits
     from doorway3ds.web.base.shield import Shield
     from doorway3ds.web.base.tls import Certificate
     from doorway3ds.web.serve.app import create_app

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -12,9 +11,11 @@ import typer
 
 from doorway3ds.camera.options import CameraOptions
 from doorway3ds.cli.shared.options import expand
+from doorway3ds.cli.shared.output import say
 from doorway3ds.cli.shared.progress import CountedBar
 from doorway3ds.decide.options import DecideOptions
 from doorway3ds.errors import CallError, UserError
+from doorway3ds.options import setting
 
 
 @expand
@@ -22,7 +23,7 @@ def batch(
     sources: Annotated[
         list[str],
         typer.Argument(
-            metavar="SOURCE...",
+            metavar="SOURCE",
             help="Images, folders (recursive), patterns, .txt lists, .tar and .parquet shards, "
             "films, bags, and s3://, gs:// or https:// URLs.",
         ),
@@ -30,27 +31,18 @@ def batch(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the Parquet data set.")],
     camera: CameraOptions,
     decide: DecideOptions,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes; default: one for each core.")
-    ] = None,
-    ray: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS|auto", help="Decide on a Ray cluster instead."),
-    ] = None,
-    annotate: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write annotated images there.")
-    ] = None,
-    depth_dir: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write depth maps in metres there, .npy.")
-    ] = None,
-    report: Annotated[
-        bool, typer.Option("--report", help="Write _report/report.html into DIR.")
-    ] = False,
+    workers: int | None = setting(None, "Processes; default: one for each core.", low=1),
+    ray: str | None = setting(None, "Decide on a Ray cluster instead.", metavar="ADDRESS|auto"),
+    annotate: Path | None = setting(None, "Write annotated images there.", metavar="DIR"),
+    depth_dir: Path | None = setting(
+        None, "Write depth maps in metres there, .npy.", metavar="DIR"
+    ),
+    report: bool = setting(False, "Write _report/report.html into DIR."),
 ) -> None:
     """Decide for very many images and write the answers as Parquet.
 
-    Repeat a call that was interrupted and it goes on: images whose content and settings are
-    unchanged are not decided again. A damaged image becomes a row with an error.
+    Repeat an interrupted call to continue it: images whose content and settings are unchanged are
+    not decided again. A damaged image becomes a row with an error.
 
     Example: 3ds batch recordings/ --out answers --report
 
@@ -93,13 +85,13 @@ def batch(
         raise UserError(f"no image in {', '.join(sources)}; expected {', '.join(sorted(SUFFIXES))}")
     by_folder = counts(out)
     for where, count in by_folder.items():
-        sys.stderr.write(
+        say(
             f"{where}: {count.images} images, {count.open} open, {count.turn} turns, "
-            f"{count.blocked} blocked, {count.unsure} unsure, {count.errors} errors\n"
+            f"{count.blocked} blocked, {count.unsure} unsure, {count.errors} errors"
         )
-    sys.stderr.write(
+    say(
         f"{outcome.answered} answered, {outcome.kept} unchanged, {outcome.errors} errors; "
-        f"rows in {out}\n"
+        f"rows in {out}"
     )
     if report:
         from doorway3ds.lab.batch.report import write_batch_report
@@ -107,7 +99,7 @@ def batch(
         path = write_batch_report(
             out, sources, {"sources": " ".join(sources), "network": decide.network}
         )
-        sys.stderr.write(f"report in {path}\n")
+        say(f"report in {path}")
     if any(count.errors for count in by_folder.values()):
         raise typer.Exit(1)
 

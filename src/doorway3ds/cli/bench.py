@@ -6,13 +6,14 @@ import json
 import tempfile
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
+from doorway3ds.cli.shared.options import expand
 from doorway3ds.compat import StrEnum
 from doorway3ds.errors import CallError
-from doorway3ds.options import require_range
+from doorway3ds.options import setting
 
 if TYPE_CHECKING:
     from doorway3ds.lab.peers import Peers
@@ -26,51 +27,46 @@ class Against(StrEnum):
     PEERS = "peers"
 
 
+@expand
 def bench(
-    network: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME[+NAME]", help="Up to two, side by side; default doornet."),
-    ] = None,
-    against: Annotated[
-        Against | None,
-        typer.Option(
-            help="One network beside the paper's pair, or beside what would be taken today: a "
-            "detector of YOLOv8n's size and a depth network of Depth Anything V2 small's. "
-            "Untrained files stand in for what is not installed (needs the extra train).",
-        ),
-    ] = None,
-    against_paper: Annotated[
-        bool, typer.Option("--against-paper", help="The same as --against paper.")
-    ] = False,
-    image: Annotated[
-        Path | None, typer.Option(help="A picture; default: a made-up 640x480 JPEG.")
-    ] = None,
-    repeat: Annotated[
-        int | None,
-        typer.Option(help="Decisions per network.  [default: 200; 20 with --against]"),
-    ] = None,
-    starts: Annotated[int, typer.Option(help="Cold starts per network; 0 leaves them out.")] = 5,
-    threads: Annotated[int | None, typer.Option(min=1, help="For the networks.")] = None,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Where the JSON result goes.")] = RESULTS,
+    network: list[str] | None = setting(
+        None,
+        "Network to measure; give it twice to compare two; default: doornet.",
+        metavar="NAME[+NAME]",
+    ),
+    against: Against | None = setting(
+        None,
+        "Compare one network with the paper's pair, or with what would be used today: a detector "
+        "of YOLOv8n's size and a depth network of Depth Anything V2 small's. Untrained files "
+        "stand in for what is not installed (needs the extra train).",
+    ),
+    against_paper: bool = setting(False, "The same as --against paper."),
+    image: Path | None = setting(None, "Image to decide on; default: a made-up 640x480 JPEG."),
+    repeat: int | None = setting(
+        None, "Decisions per network; default: 200, with --against 20.", low=3, high=100_000
+    ),
+    starts: int = setting(5, "Cold starts per network; 0 leaves them out.", low=0, high=1000),
+    threads: int | None = setting(None, "CPU threads of the networks; default: all.", low=1),
+    out: Path = setting(RESULTS, "Folder for the JSON result.", metavar="DIR"),
 ) -> None:
     """Measure latency by stage, cold start and peak memory; two networks also as a ratio.
 
-    The networks take turns, picture by picture, so that what else the machine does meets both.
+    The networks take turns, image by image, so that other load on the machine affects both alike.
 
     Example: 3ds bench --repeat 50
     """
     networks = network or ["doornet"]
     if against_paper:
         if against is Against.PEERS:
-            raise CallError("--against peers and --against-paper exclude each other; give one")
+            raise CallError(
+                "--against peers and --against-paper exclude each other; give one of them"
+            )
         against = Against.PAPER
     if len(networks) > (1 if against else 2):
         allowed = f"once with --against {against}" if against else "once or twice"
         raise CallError(f"--network may be given {allowed}, got {len(networks)} times")
     if repeat is None:
         repeat = 20 if against else 200
-    require_range("--repeat", repeat, 3, 100_000)
-    require_range("--starts", starts, 0, 1000)
 
     from doorway3ds.files import write_bytes
     from doorway3ds.images.codec import read_image

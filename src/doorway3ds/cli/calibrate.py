@@ -15,6 +15,7 @@ import typer
 
 from doorway3ds.camera.options import LensOptions
 from doorway3ds.cli.shared.options import expand
+from doorway3ds.cli.shared.output import complain
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.options import Options, setting
 
@@ -43,10 +44,10 @@ class BoardOptions(Options):
 
     board: str = setting(
         "9x6",
-        "Chessboard: inner corners; ChArUco: squares. Columns x rows.",
+        "Columns x rows: inner corners of a chessboard, squares of a ChArUco board.",
     )
     square_mm: float = setting(25.0, "Side of a square.", low=0.1, high=10_000)
-    charuco: bool = setting(False, "The board is a ChArUco board.")
+    charuco: bool = setting(False, "Look for a ChArUco board.")
     marker_mm: float | None = setting(
         None, "Side of a ChArUco marker; default: 0.75 of the square.", low=0.1, high=10_000
     )
@@ -91,36 +92,32 @@ def calibrate(
     images: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="IMAGES...", help="Images, folders of them, or one webcam, stream or film."
+            metavar="IMAGE", help="Images, folders of them, or one webcam, stream or film."
         ),
     ] = None,
-    model: Annotated[
-        str | None,
-        typer.Option(
-            metavar="|".join(_MODELS),
-            help="Lens model; default: the one that predicts held-out views best.",
-        ),
-    ] = None,
-    out: Annotated[Path, typer.Option(help="The camera_info YAML to write.")] = Path("camera.yaml"),
-    name: Annotated[str | None, typer.Option(help="The camera's name; default: of --out.")] = None,
-    board_pdf: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Board to print on A4 at 100 %; nothing else is done."),
-    ] = None,
-    check: Annotated[
-        str | None,
-        typer.Option(
-            metavar="IMAGE", help="Room whose edges check the focal length of --camera instead."
-        ),
-    ] = None,
+    model: str | None = setting(
+        None,
+        "Lens model; default: the one that predicts held-out views best.",
+        metavar="|".join(_MODELS),
+    ),
+    out: Path = setting(Path("camera.yaml"), "camera_info YAML file to write."),
+    name: str | None = setting(None, "Name of the camera; default: that of --out."),
+    board_pdf: Path | None = setting(
+        None, "Board to print on A4 at 100 %; nothing else is done.", metavar="FILE"
+    ),
+    check: str | None = setting(
+        None,
+        "Instead, check the focal length of --camera by the edges of this room.",
+        metavar="IMAGE",
+    ),
 ) -> None:
     """Make a camera file from images of a chessboard or ChArUco board.
 
     Ten to twenty sharp images of a flat board, tilted, at several distances, also near the
     image's corners. `3ds look --camera camera.yaml` then uses the file. --board-pdf prints a board.
 
-    Of a webcam (webcam://0), a stream or a film frames are taken as soon as the board is sharp,
-    still and in a new place; it ends when they suffice, or with what there is on Ctrl-C.
+    From a webcam (webcam://0), a stream or a film, frames are taken as soon as the board is sharp,
+    still and in a new place. It ends once there are enough, or on Ctrl-C with those it has.
 
     Example: 3ds calibrate board/*.jpg --board 9x6 --out camera.yaml
     """
@@ -237,7 +234,7 @@ def _guided(uri: str, board: Board, name: str, model: str | None) -> Calibration
             f"needed; of the last one: {guide.hint}; check --board, too"
         )
     if guide.missing:
-        sys.stderr.write(f"3ds: coverage is not complete; next would be: {guide.missing}\n")
+        complain(f"coverage is not complete; next would be: {guide.missing}")
     return calibrate_views(guide.views, guide.size, name, model)
 
 
@@ -280,7 +277,7 @@ class _Shown:
         if self._live is not None:
             self._console.print(line, markup=False)
         else:
-            sys.stderr.write(f"3ds: {line}\n")
+            complain(line)
 
     def _tilts(self) -> str:
         from doorway3ds.camera.guide import TILTS
@@ -340,13 +337,11 @@ def _report(found: Calibration, out: Path) -> None:
         f"field of view {camera.hfov_deg:.1f} x {camera.vfov_deg:.1f} deg"
     )
     if found.rms_px > GOOD_RMS_PX * max(1.0, camera.width / 640):
-        sys.stderr.write(
-            "3ds: the error is large; leave out the worst pictures, keep the board flat and still\n"
-        )
+        complain("the error is large; leave out the worst pictures, keep the board flat and still")
     if found.coverage < GOOD_COVERAGE:
-        sys.stderr.write(
-            f"3ds: the board covers {found.coverage:.0%} of the picture over all pictures; "
-            "show it near the corners too, where lenses distort most\n"
+        complain(
+            f"the board covers {found.coverage:.0%} of the picture over all pictures; "
+            "show it near the corners too, where lenses distort most"
         )
     typer.echo(f"wrote {out}")
 

@@ -14,11 +14,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from doorway3ds.cli.shared.options import Mirror, expand
+from doorway3ds.cli.shared.output import say
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.tables import print_tables
-from doorway3ds.cli.shared.training import command_line, say
+from doorway3ds.cli.shared.training import command_line
 from doorway3ds.errors import CallError
 from doorway3ds.lab.evaluate.options import DataOptions, MarkOptions, ReportOptions
+from doorway3ds.options import setting
 
 if TYPE_CHECKING:
     from doorway3ds.lab.datasets.samples import Dataset, Sample
@@ -42,7 +44,7 @@ Networks = Annotated[
     list[str] | None,
     typer.Option(
         "--network",
-        help="NAME[+NAME] or FILE.onnx; repeatable. {k} stands for the fold. [default: doornet]",
+        help="NAME[+NAME] or FILE.onnx; repeatable; default: doornet. {k} is the fold.",
     ),
 ]
 
@@ -53,29 +55,20 @@ def direction(
     data: Data,
     pictures: MarkOptions,
     report: ReportOptions,
-    method: Annotated[
-        str, typer.Option(help="Methods to compare, separated by commas.")
-    ] = "opening,paper",
+    method: str = setting("opening,paper", "Methods to compare, separated by commas."),
     network: Networks = None,
     mirror: Mirror = False,
-    answers: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="FILE|DIR",
-            help="Score stored answers (3ds look --json, --save-answers, or a folder of "
-            "3ds batch) instead; repeatable.",
-        ),
-    ] = None,
-    truth_depth: Annotated[
-        bool, typer.Option("--truth-depth", help="Use true depth; the columns stay the network's.")
-    ] = False,
-    no_gate: Annotated[
-        bool, typer.Option("--no-gate", help="Assume every image shows a doorway.")
-    ] = False,
-    save_answers: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Write every answer, one JSON object per line."),
-    ] = None,
+    answers: list[Path] | None = setting(
+        None,
+        "Score stored answers (3ds look --json, --save-answers, or a folder of "
+        "3ds batch) instead; repeatable.",
+        metavar="FILE|DIR",
+    ),
+    truth_depth: bool = setting(False, "Use true depth; the columns stay the network's."),
+    no_gate: bool = setting(False, "Assume every image shows a doorway."),
+    save_answers: Path | None = setting(
+        None, "Write every answer, one JSON object per line.", metavar="FILE"
+    ),
 ) -> None:
     """Measure bearing, range, way and gates against marked openings, methods side by side.
 
@@ -83,6 +76,8 @@ def direction(
     wardrobe ...), false alarms are reported by kind.
 
     --network none --truth-depth --method paper measures the paper's selection on true depth.
+
+    Example: 3ds eval direction rooms --method opening,paper --out report
     """
     from doorway3ds.lab.evaluate import direction as scores
     from doorway3ds.lab.evaluate import kinds, runners
@@ -133,11 +128,14 @@ def classifier(
     report: ReportOptions,
     network: Networks = None,
     mirror: Mirror = False,
-    threshold: Annotated[
-        float, typer.Option(min=0, max=1, help="Probability from which a doorway counts as open.")
-    ] = 0.5,
+    threshold: float = setting(
+        0.5, "Probability from which a doorway counts as open.", low=0, high=1
+    ),
 ) -> None:
-    """Measure p_open against open or not: accuracy, AUC, calibration, false alarms by kind."""
+    """Measure p_open against open or not: accuracy, AUC, calibration, false alarms by kind.
+
+    Example: 3ds eval classifier rooms --network doornet --folds 5
+    """
     from doorway3ds.lab.evaluate import classifier as scores
     from doorway3ds.lab.evaluate import runners
     from doorway3ds.lab.evaluate.report import pages
@@ -173,11 +171,12 @@ def depth(
     pictures: DataOptions,
     report: ReportOptions,
     network: Networks = None,
-    mirror: Annotated[
-        bool, typer.Option("--mirror", help="Also evaluate the average of both mirrorings.")
-    ] = False,
+    mirror: bool = setting(False, "Also evaluate the average of both mirrorings."),
 ) -> None:
-    """Measure depth: delta1-3, AbsRel, RMSE and log10, over the whole image and the Eigen crop."""
+    """Measure depth: delta1-3, AbsRel, RMSE and log10, over the whole image and the Eigen crop.
+
+    Example: 3ds eval depth nyu --network densedepth
+    """
     from doorway3ds.lab.evaluate import depth as scores
     from doorway3ds.lab.evaluate import runners
     from doorway3ds.lab.evaluate.report import pages
@@ -203,31 +202,28 @@ def depth(
 
 
 @app.command()
+@expand
 def overview(
     datasets: Annotated[list[Path], typer.Argument(help="Folders with doorways.csv or boxes.csv.")],
     held_out: Annotated[
         Path, typer.Option(metavar="FILE", help="held-out.csv of a training with --hold-out.")
     ],
     network: Networks = None,
-    preset: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Operating point of the networks' files.")
-    ] = None,
-    repeats: Annotated[
-        int, typer.Option(min=0, help="Bootstrap resamples; 0 = no intervals.")
-    ] = 2000,
-    sheets: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Write the worst images of each set there, as PNG."),
-    ] = None,
-    json_file: Annotated[
-        Path | None,
-        typer.Option("--json", metavar="FILE", help="Write the numbers as JSON; - for stdout."),
-    ] = None,
+    preset: str | None = setting(None, "Operating point of the networks' files.", metavar="NAME"),
+    repeats: int = setting(2000, "Bootstrap resamples; 0 = no intervals.", low=0),
+    sheets: Path | None = setting(
+        None, "Write the worst images of each set there, as PNG.", metavar="DIR"
+    ),
+    json_file: Path | None = setting(
+        None, "Write the numbers as JSON; - for stdout.", metavar="FILE", names=("--json",)
+    ),
 ) -> None:
     """Print one table over several data sets, of the images that a training has not seen.
 
     RUN/half-{k}.onnx measures each half of the places by calibration and limits of the other.
     Further networks are also compared with the first: paired differences with their intervals.
+
+    Example: 3ds eval overview rooms homes --held-out runs/doornet/held-out.csv
     """
     from doorway3ds.lab.evaluate import overview as tables
     from doorway3ds.lab.evaluate.report.html import write_json

@@ -1,29 +1,29 @@
-"""`3ds label`: mark the open doorways in a folder of pictures, on a local page."""
+"""`3ds label`: mark the open doorways in a folder of images, on a local page."""
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from doorway3ds.camera.options import LensOptions
-from doorway3ds.cli.shared.listening import (
-    Host,
-    ListenOptions,
-    Port,
-    TlsCert,
-    TlsKey,
-    TlsName,
-    Token,
-)
+from doorway3ds.cli.shared.listening import ListenOptions
 from doorway3ds.cli.shared.options import expand
 from doorway3ds.decide.options import DecideOptions, NetworkOptions
+from doorway3ds.options import setting
 
 if TYPE_CHECKING:
     from doorway3ds.camera.choice import FitCamera
     from doorway3ds.web.label.pictures import Guesser
+
+
+@dataclass(frozen=True)
+class _Listen(ListenOptions):
+    """As of `3ds serve`, on another port."""
+
+    port: int = setting(8001, "Port to listen on; 0 takes a free one.", low=0, high=65535)
 
 
 @expand
@@ -34,26 +34,16 @@ def label(
     ],
     network: NetworkOptions,
     camera: LensOptions,
-    classes: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Only sort marked images into open-door/, half-open-door/, closed-door/ and "
-            "no-door/ there, as links or copies.",
-        ),
-    ] = None,
-    guess: Annotated[
-        bool, typer.Option("--guess/--no-guess", help="Draw what the network would mark.")
-    ] = True,
-    host: Host = "127.0.0.1",
-    port: Port = 8001,
-    token: Token = None,
-    tls: Annotated[bool, typer.Option("--tls", help="Serve over HTTPS.")] = False,
-    tls_cert: TlsCert = None,
-    tls_key: TlsKey = None,
-    tls_name: TlsName = None,
+    listen: _Listen,
+    classes: Path | None = setting(
+        None,
+        "Instead, sort the marked images into open-door/, half-open-door/, closed-door/ and "
+        "no-door/ there, as links or copies.",
+        metavar="DIR",
+    ),
+    guess: bool = setting(True, "Draw what the network would mark.", names=("--guess/--no-guess",)),
 ) -> None:
-    """Mark open doorways by hand on a page, until Ctrl-C; keys and two clicks per image.
+    """Mark open doorways by hand on a local page, until Ctrl-C: two clicks and a key per image.
 
     Every mark is saved at once into FOLDER/doorways.csv, which `3ds eval` and `3ds train` read;
     a later call continues where it stopped.
@@ -82,8 +72,7 @@ def label(
     from doorway3ds.web.label.app import create_label_app, label_settings
 
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    names = tuple(tls_name or ())
-    listening = ListenOptions(host, port, token, tls, tls_cert, tls_key, names).open()
+    listening = listen.open()
     with listening.bound:
         settings = label_settings(listening.token, listening.shared)
         app = create_label_app(settings, pictures, table)
@@ -92,7 +81,7 @@ def label(
         finally:
             marked = len(set(pictures.names) & set(table.states()))
             typer.echo(
-                f"{table.path}: {marked} of {counted(len(pictures), 'picture')} marked", err=True
+                f"{table.path}: {marked} of {counted(len(pictures), 'image')} marked", err=True
             )
 
 

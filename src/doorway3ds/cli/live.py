@@ -16,6 +16,7 @@ import typer
 
 from doorway3ds.camera.options import CameraOptions
 from doorway3ds.cli.shared.options import expand
+from doorway3ds.cli.shared.output import complain, say
 from doorway3ds.cli.shared.robot import (
     ROBOT_HELP,
     RunFolder,
@@ -31,6 +32,7 @@ from doorway3ds.cli.shared.watch import Watch, counts, print_json
 from doorway3ds.decide.options import DecideOptions
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.images.film import Film, require_film
+from doorway3ds.options import setting
 from doorway3ds.robots.options import MotionOptions
 from doorway3ds.sources.options import SourceOptions
 
@@ -56,26 +58,25 @@ def live(
     camera: CameraOptions,
     decide: DecideOptions,
     reading: SourceOptions,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object per frame, one per line.")
-    ] = False,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Annotated video to write: .mp4, .mkv, .avi or .webm."),
-    ] = None,
-    bag: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Bag to write: images, decisions, markers and depth."),
-    ] = None,
+    as_json: bool = setting(
+        False, "Print one JSON object per frame, one per line.", names=("--json",)
+    ),
+    out: Path | None = setting(
+        None, "Annotated video to write: .mp4, .mkv, .avi or .webm.", metavar="FILE"
+    ),
+    bag: Path | None = setting(
+        None, "Bag to write: images, decisions, markers and depth.", metavar="DIR"
+    ),
     rerun: Rerun = None,
-    frames: Annotated[int | None, typer.Option(min=1, help="Stop after N frames.")] = None,
+    frames: int | None = setting(None, "Stop after N frames.", low=1),
     log: RunFolder = None,
-    robot: Annotated[str | None, typer.Option(metavar="ROBOT", help=ROBOT_HELP)] = None,
+    robot: str | None = setting(None, ROBOT_HELP, metavar="ROBOT"),
 ) -> None:
     """Decide on every frame, with memory between frames, until the source ends or Ctrl-C.
 
     In a terminal a panel shows the decision; elsewhere a line is printed when it changes.
-    With --robot it ends as `3ds run` does, by the robot's doing; the decisions are shown meanwhile.
+    With --robot it ends as `3ds run` does, with every decision shown meanwhile.
+
     Exit status: 0 the source ended, 1 it was lost or held images that could not be read,
     2 wrong call, 130 ended by Ctrl-C; with --robot that of `3ds run`.
 
@@ -137,12 +138,12 @@ def live(
             named = [found.name, decide.method, pipeline.network.name]
             named += [] if robot is None else [f"robot {robot}"]
             watch.panel = stack.enter_context(Panel(" · ".join(named), found))
-        found.notice = watch.panel.say if watch.panel else _complain
+        found.notice = watch.panel.say if watch.panel else complain
         stack.enter_context(session)
         if driver is None:
             watch.all(frames)
         else:
-            tell = watch.panel.say if watch.panel else _tell
+            tell = watch.panel.say if watch.panel else say
             params = LoopParams(aligned_deg=decide.aligned_deg, blocked_s=motion.blocked_s)
             with logged(log, decide, pipeline, found, driver) as record:
                 report = _drive(watch, pipeline, driver, params, record, tell)
@@ -223,7 +224,7 @@ def _conclude(report: Report, folder: Path | None, as_json: bool) -> None:
         print_json({**ended, "goes": report.goes, "searches": report.searches})
     else:
         sys.stdout.write(f"{report.outcome}: {report.why}\n")
-    _tell(f"log in {folder}")
+    say(f"log in {folder}")
     if report.outcome.status:
         raise typer.Exit(report.outcome.status)
 
@@ -240,13 +241,3 @@ def _ending(log: RunLog, watch: Watch) -> Iterator[RunLog]:
         raise
     finally:
         log.write("end", outcome="ended", why=why, **counts(watch.session.source))
-
-
-def _complain(message: str) -> None:
-    sys.stderr.write(f"3ds: {message}\n")
-    sys.stderr.flush()
-
-
-def _tell(line: str) -> None:
-    sys.stderr.write(line + "\n")
-    sys.stderr.flush()

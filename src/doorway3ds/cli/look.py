@@ -1,4 +1,4 @@
-"""`3ds look`: pictures in, one decision each, and an annotated picture."""
+"""`3ds look`: images in, one decision each, and an annotated image."""
 
 from __future__ import annotations
 
@@ -17,12 +17,14 @@ import typer
 from doorway3ds.camera.options import CameraOptions
 from doorway3ds.cli.shared.inputs import Input, expand
 from doorway3ds.cli.shared.options import expand as expanded
+from doorway3ds.cli.shared.output import complain, say
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.robot import open_eyes
 from doorway3ds.cli.shared.viewer import Rerun, viewer_of
 from doorway3ds.compat import StrEnum
 from doorway3ds.decide.options import DecideOptions
 from doorway3ds.errors import CallError, UserError
+from doorway3ds.options import setting
 
 if TYPE_CHECKING:
     from doorway3ds.camera.choice import CameraChoice
@@ -55,31 +57,21 @@ def look(
     ],
     camera: CameraOptions,
     decide: DecideOptions,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object per image, one per line.")
-    ] = False,
-    as_csv: Annotated[
-        bool, typer.Option("--csv", help="Print CSV: a header, then one line per image.")
-    ] = False,
-    recursive: Annotated[
-        bool, typer.Option("--recursive", help="Also search the subfolders of a folder.")
-    ] = False,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help=f"Folder for annotated images; default ./{OUT}, none with --json or --csv.",
-        ),
-    ] = None,
-    style: Annotated[
-        Style, typer.Option(help="Write the annotated page alone, or also the marked image.")
-    ] = Style.PAGE,
-    faint: Annotated[
-        bool, typer.Option("--faint", help="Also draw candidates that score below 0.1.")
-    ] = False,
-    depth_dir: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for depth maps in metres, .npy.")
-    ] = None,
+    as_json: bool = setting(
+        False, "Print one JSON object per image, one per line.", names=("--json",)
+    ),
+    as_csv: bool = setting(
+        False, "Print CSV: a header, then one line per image.", names=("--csv",)
+    ),
+    recursive: bool = setting(False, "Also search the subfolders of a folder."),
+    out: Path | None = setting(
+        None,
+        f"Folder for annotated images; default ./{OUT}, none with --json or --csv.",
+        metavar="DIR",
+    ),
+    style: Style = setting(Style.PAGE, "Write the annotated page alone, or also the marked image."),
+    faint: bool = setting(False, "Also draw candidates that score below 0.1."),
+    depth_dir: Path | None = setting(None, "Folder for depth maps in metres, .npy.", metavar="DIR"),
     rerun: Rerun = None,
 ) -> None:
     """Report for each image whether a doorway is open, where, and how far to turn.
@@ -104,7 +96,7 @@ def look(
     bags = [name for name in images if name.startswith("bag://")]
     inputs, errors = expand((name for name in images if name not in bags), recursive)
     for message in errors:
-        _complain(message)
+        complain(message)
     total, failed = len(inputs) + len(errors), len(errors)
     line = _json if as_json else _row if as_csv else _words
     files = _Files(out, depth_dir, style, faint)
@@ -121,7 +113,7 @@ def look(
                 job.answer(image, decision)
             except UserError as error:
                 progress.clear()
-                _complain(str(error))
+                complain(str(error))
                 failed += 1
         progress.clear()
         for bag in bags:
@@ -147,7 +139,7 @@ class _Job:
         """Answers each image of a bag; returns how many it holds and how many are damaged."""
         number = 0
         with open_eyes(uri, camera) as source:
-            source.notice = _complain
+            source.notice = complain
             stem = Path(uri.partition("?")[0]).stem
             for frame in source:
                 number += 1
@@ -247,12 +239,7 @@ def _make_folder(folder: Path) -> None:
         raise CallError(f"cannot make the folder {folder}: {error.strerror}") from error
 
 
-def _complain(message: str) -> None:
-    sys.stderr.write(f"3ds: {message}\n")
-    sys.stderr.flush()
-
-
 def _summarise(total: int, failed: int, seconds: float, out: Path | None) -> None:
     answered = f"{total - failed} of {total} answered in {seconds:.1f} s"
-    where = f", pictures in {out}" if out is not None else ""
-    sys.stderr.write(f"{answered}{where}\n")
+    where = f", annotated images in {out}" if out is not None else ""
+    say(f"{answered}{where}")

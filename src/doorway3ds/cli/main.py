@@ -49,6 +49,7 @@ _EXTRAS = {
     "mujoco": "sim",
     "onnx": "train",
     "onnxscript": "train",
+    "pydantic": "serve",
     "pyarrow": "batch",
     "qi": "nao",
     "ray": "ray",
@@ -126,11 +127,13 @@ def _run(arguments: Sequence[str]) -> int:
 
 
 def _warn(message: Warning | str, *where: object, **more: object) -> None:
-    sys.stderr.write(f"3ds: {message}\n")
+    _refuse(str(message), 0)
 
 
 def _refuse(message: str, status: int) -> int:
-    sys.stderr.write(f"3ds: {message}\n")
+    from doorway3ds.cli.shared.output import complain
+
+    complain(message)
     return status
 
 
@@ -190,6 +193,8 @@ def _tidy(command: Any) -> None:
     for parameter in parameters:
         if getattr(parameter, "is_flag", False):
             parameter.metavar = ""  # Typer names a flag's type, as if it took a value
+        elif parameter.param_type_name == "argument" and parameter.metavar is None:
+            parameter.metavar = parameter.name.upper()
     for inner in getattr(command, "commands", {}).values():
         _tidy(inner)
 

@@ -8,7 +8,11 @@ from typing import Annotated, Any
 
 import typer
 
+from doorway3ds.cli.shared.options import expand
 from doorway3ds.errors import UserError
+from doorway3ds.options import setting
+
+Network = Annotated[str, typer.Argument(metavar="NAME", help="Network, as `3ds models` lists it.")]
 
 app = typer.Typer(
     invoke_without_command=True,
@@ -17,11 +21,12 @@ app = typer.Typer(
 
 
 @app.callback()
+@expand
 def models(
     context: typer.Context,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object per network, one per line.")
-    ] = False,
+    as_json: bool = setting(
+        False, "Print one JSON object per network, one per line.", names=("--json",)
+    ),
 ) -> None:
     """List the networks: what each gives, whether its file is here, and how to get it."""
     if context.invoked_subcommand is not None:
@@ -34,20 +39,19 @@ def models(
 
 
 @app.command()
+@expand
 def fetch(
-    name: str,
-    url: Annotated[
-        str | None, typer.Option(help="Address (http or https) of an ONNX file.")
-    ] = None,
-    sha256: Annotated[
-        str | None, typer.Option(help="SHA-256 of the file; required with --url.")
-    ] = None,
-    licence: Annotated[str | None, typer.Option(help="Licence, noted on the file's card.")] = None,
+    name: Network,
+    url: str | None = setting(None, "Address (http or https) of an ONNX file."),
+    sha256: str | None = setting(None, "SHA-256 of the file; required with --url."),
+    licence: str | None = setting(None, "Licence, noted on the file's card."),
 ) -> None:
     """Download a network's file; it is used only if its SHA-256 and signature are right.
 
     Without --url it comes from where the network is published: a release, or the Hugging Face hub,
     in whose cache (HF_HOME) it stays; with HF_HUB_OFFLINE=1 it must already be there.
+
+    Example: 3ds models fetch depth-anything-v2-small
     """
     from doorway3ds.networks.fetch import fetch as download
 
@@ -56,16 +60,19 @@ def fetch(
 
 
 @app.command("import")
+@expand
 def import_file(
-    name: str,
+    name: Network,
     file: Annotated[
         Path, typer.Argument(help="ONNX file with the network's signature, or a Keras .h5 file.")
     ],
-    licence: Annotated[str | None, typer.Option(help="Licence, noted on the file's card.")] = None,
+    licence: str | None = setting(None, "Licence, noted on the file's card."),
 ) -> None:
     """Install an ONNX file, such as `3ds train` writes, under a network's name.
 
     For cnn-srin and densedepth the authors' Keras 1 or 2 weights (.h5) are converted, too.
+
+    Example: 3ds models import densedepth nyu.h5
     """
     from doorway3ds.networks.registry import install
 

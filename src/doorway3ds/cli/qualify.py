@@ -12,10 +12,12 @@ import typer
 
 from doorway3ds.camera.options import LensOptions
 from doorway3ds.cli.shared.options import expand
+from doorway3ds.cli.shared.output import say
 from doorway3ds.cli.shared.progress import Progress
-from doorway3ds.cli.shared.training import Watch, command_line, say
+from doorway3ds.cli.shared.training import Watch, command_line
 from doorway3ds.errors import CallError
 from doorway3ds.lab.train.options import SiteOptions
+from doorway3ds.options import setting
 
 if TYPE_CHECKING:
     from doorway3ds.lab.train.site.score import Comparison
@@ -31,55 +33,37 @@ def qualify(
     ],
     camera: LensOptions,
     site: SiteOptions,
-    network: Annotated[
-        str,
-        typer.Option(metavar="NAME|FILE", help="Network to start from: doornet or a site model."),
-    ] = "doornet",
-    out: Annotated[
-        Path, typer.Option(metavar="FILE", help="Site model to write if it is better.")
-    ] = Path("site.onnx"),
-    report: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write report.html and PNGs there.")
-    ] = None,
-    json_file: Annotated[
-        Path | None,
-        typer.Option("--json", metavar="FILE", help="Write the numbers as JSON; - for stdout."),
-    ] = None,
-    with_: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--with", metavar="DATASET", help="Also learn from this data set; repeatable."
-        ),
-    ] = None,
-    answers: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="FILE|DIR",
-            help="Compare two networks by stored answers (folders of 3ds batch, or 3ds look "
-            "--json) instead of training; give it twice, before and after.",
-        ),
-    ] = None,
-    hold_out: Annotated[
-        float,
-        typer.Option(min=0.1, max=0.8, help="Share of the images held out to judge the result."),
-    ] = 0.4,
-    epochs: Annotated[
-        int, typer.Option(min=1, help="Largest number of epochs of each of the two stages.")
-    ] = 12,
-    learning_rate: Annotated[
-        float, typer.Option(help="Learning rate of the heads; the decoder's is a third.")
-    ] = (3e-4),
-    batch: Annotated[int, typer.Option(min=1, help="Images per step.")] = 8,
-    repeats: Annotated[int, typer.Option(min=100, help="Bootstrap resamples.")] = 2000,
-    seed: int = 0,
-    licence: Annotated[
-        str | None, typer.Option(help="Licence of the images, noted on the card.")
-    ] = None,
-    threads: Annotated[int | None, typer.Option(min=1, help="CPU threads; default: all.")] = None,
+    network: str = setting(
+        "doornet", "Network to start from: doornet or a site model.", metavar="NAME|FILE"
+    ),
+    out: Path = setting(Path("site.onnx"), "Site model to write if it is better.", metavar="FILE"),
+    report: Path | None = setting(None, "Write report.html and PNGs there.", metavar="DIR"),
+    json_file: Path | None = setting(
+        None, "Write the numbers as JSON; - for stdout.", metavar="FILE", names=("--json",)
+    ),
+    with_: list[Path] | None = setting(
+        None, "Also learn from this data set; repeatable.", metavar="DATASET", names=("--with",)
+    ),
+    answers: list[Path] | None = setting(
+        None,
+        "Compare two networks by stored answers (folders of 3ds batch, or 3ds look --json) "
+        "instead of training; give it twice, before and after.",
+        metavar="FILE|DIR",
+    ),
+    hold_out: float = setting(
+        0.4, "Share of the images held out to judge the result.", low=0.1, high=0.8
+    ),
+    epochs: int = setting(12, "Largest number of epochs of each of the two stages.", low=1),
+    learning_rate: float = setting(3e-4, "Learning rate of the heads; the decoder's is a third."),
+    batch: int = setting(8, "Images per step.", low=1),
+    repeats: int = setting(2000, "Bootstrap resamples.", low=100),
+    seed: int = setting(0, "Seed of everything drawn at random."),
+    licence: str | None = setting(None, "Licence of the images, noted on the card."),
+    threads: int | None = setting(None, "CPU threads; default: all.", low=1),
 ) -> None:
-    """Measure the network at your site, fine-tune it on your images, keep it if it is better.
+    """Measure the network at your site, fine-tune it on your images, and keep it if it is better.
 
-    Example: 3ds qualify pictures --report site
+    Example: 3ds qualify images --report site
     """
     if out.suffix != ".onnx":
         raise CallError(f"--out is the site model's file, such as site.onnx, got {out}")

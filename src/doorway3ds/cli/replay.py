@@ -9,30 +9,29 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from doorway3ds.cli.shared.options import expand
+from doorway3ds.cli.shared.output import say
 from doorway3ds.cli.shared.viewer import Rerun, viewer_of
 from doorway3ds.decide.options import DecideOptions, Method
 from doorway3ds.errors import UserError
+from doorway3ds.options import setting
 
 if TYPE_CHECKING:
     from doorway3ds.decide.pipeline import Pipeline
     from doorway3ds.types import Perception
 
 
+@expand
 def replay(
     run: Annotated[
         Path, typer.Argument(metavar="DIR", help="Folder that `3ds run` or `3ds live` wrote.")
     ],
-    network: Annotated[
-        str | None,
-        typer.Option(metavar="NAME[+NAME]", help="Network to use instead of the run's."),
-    ] = None,
-    method: Annotated[
-        Method | None, typer.Option(help="Method to use instead of the run's.")
-    ] = None,
-    tolerance: Annotated[
-        float, typer.Option(help="Relative difference within which numbers agree.")
-    ] = 1e-6,
-    threads: Annotated[int | None, typer.Option(min=1, help="CPU threads of the network.")] = None,
+    network: str | None = setting(
+        None, "Network to use instead of the run's.", metavar="NAME[+NAME]"
+    ),
+    method: Method | None = setting(None, "Method to use instead of the run's."),
+    tolerance: float = setting(1e-6, "Relative difference within which numbers agree."),
+    threads: int | None = setting(None, "CPU threads of the network.", low=1),
     rerun: Rerun = None,
 ) -> None:
     """Decide on each recorded image again and report where the answer differs.
@@ -62,9 +61,9 @@ def replay(
                 sys.stdout.write(f"{before}; now {_short(now)} (differs: {', '.join(names)})\n")
             else:
                 sys.stdout.write(f"{before}; the same\n")
-    sys.stderr.write(f"{total - changed} of {total} decisions are the same\n")
+    say(f"{total - changed} of {total} decisions are the same")
     if events[-1]["event"] != "end":
-        sys.stderr.write("the run has no end: it was cut off\n")
+        say("the run has no end: it was cut off")
     if changed:
         raise typer.Exit(1)
 

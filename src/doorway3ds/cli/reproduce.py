@@ -7,17 +7,17 @@ import json
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from doorway3ds.camera.options import LensOptions
 from doorway3ds.cli.shared.options import Network, expand
+from doorway3ds.cli.shared.output import say
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.tables import print_tables
-from doorway3ds.cli.shared.training import Watch, command_line, say
+from doorway3ds.cli.shared.training import Watch, command_line
 from doorway3ds.errors import CallError
 from doorway3ds.lab.train.options import ClassOptions, SrinOptions, StartOptions
+from doorway3ds.options import setting
 
 if TYPE_CHECKING:
     from doorway3ds.lab.datasets.doors import DoorPictures
@@ -31,29 +31,24 @@ def reproduce(
     camera: LensOptions,
     classes: ClassOptions,
     training: StartOptions,
-    pictures: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Twelve images for Tables 1 and 2, in a folder per class or without classes.",
-        ),
-    ] = None,
+    pictures: Path | None = setting(
+        None,
+        "Twelve images for Tables 1 and 2, in a folder per class or without classes.",
+        metavar="DIR",
+    ),
     network: Network = "doornet",
-    dataset: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DATASET",
-            help="Data set to train CNN-SRIN on for 10, 20 and 30 epochs; needs --out.",
-        ),
-    ] = None,
-    threads: Annotated[int | None, typer.Option(min=1, help="CPU threads; default: all.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead.")] = False,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Write report.html, report.json and PNGs there."),
-    ] = None,
+    dataset: Path | None = setting(
+        None,
+        "Data set to train CNN-SRIN on for 10, 20 and 30 epochs; needs --out.",
+        metavar="DATASET",
+    ),
+    threads: int | None = setting(None, "CPU threads; default: all.", low=1),
+    as_json: bool = setting(False, "Print one JSON object instead.", names=("--json",)),
+    out: Path | None = setting(
+        None, "Write report.html, report.json and PNGs there.", metavar="DIR"
+    ),
 ) -> None:
-    """Recompute the paper's tables beside what it prints, as far as data allow.
+    """Recompute the paper's tables, beside the published ones, as far as data allow.
 
     Without options it recomputes what needs no data: the angles of Tables 3 and 4. Twelve images
     stand in for Tables 1 and 2, assumed to be of the paper's camera (60.9 degrees across) unless

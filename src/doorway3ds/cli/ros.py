@@ -4,34 +4,28 @@ from __future__ import annotations
 
 import sys
 from importlib.resources import files
-from typing import Annotated
 
 import typer
+
+from doorway3ds.cli.shared.options import expand
+from doorway3ds.options import setting
 
 CONTEXT = {"allow_extra_args": True, "ignore_unknown_options": True}
 """Of the command: what it does not know is ROS's."""
 
 
+@expand
 def ros(
     context: typer.Context,
-    ros_args: Annotated[
-        bool,
-        typer.Option("--ros-args", help="Begin ROS's own arguments: -r, -p, --params-file, ..."),
-    ] = False,
-    parameters: Annotated[
-        bool, typer.Option("--parameters", help="List the parameters and exit.")
-    ] = False,
-    dds_profile: Annotated[
-        bool,
-        typer.Option(
-            "--dds-profile",
-            help="Print the path of a Fast DDS profile for cameras of raw images and exit.",
-        ),
-    ] = False,
+    ros_args: bool = setting(False, "Begin ROS's own arguments: -r, -p, --params-file, ..."),
+    parameters: bool = setting(False, "List the parameters and exit."),
+    dds_profile: bool = setting(
+        False, "Print the path of a Fast DDS profile for cameras of raw images and exit."
+    ),
 ) -> None:
     """Run the ROS 2 node doorway3ds on an image topic until Ctrl-C.
 
-    Topics and parameters are given as ROS does; see docs/ros.md. Nothing moves unless
+    Topics and parameters are set as usual in ROS; see docs/ros.md. Nothing moves unless
     -p move:=true is given, and then only if ~/turn or ~/go is called.
 
     Example: 3ds ros --ros-args -r image:=/cam/image_raw -r camera_info:=/cam/camera_info

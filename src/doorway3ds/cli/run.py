@@ -11,6 +11,7 @@ import typer
 
 from doorway3ds.camera.options import CameraOptions
 from doorway3ds.cli.shared.options import expand
+from doorway3ds.cli.shared.output import say as tell
 from doorway3ds.cli.shared.robot import (
     ROBOT_HELP,
     RunFolder,
@@ -24,6 +25,7 @@ from doorway3ds.cli.shared.signals import ended_by_sigterm
 from doorway3ds.cli.shared.viewer import Rerun, viewer_of
 from doorway3ds.decide.options import DecideOptions
 from doorway3ds.errors import UserError
+from doorway3ds.options import setting
 from doorway3ds.robots.options import MotionOptions
 
 _SAID = {
@@ -46,19 +48,19 @@ def run(
     motion: MotionOptions,
     camera: CameraOptions,
     decide: DecideOptions,
-    robot: Annotated[str, typer.Option(metavar="ROBOT", help=ROBOT_HELP)] = "dry",
+    robot: str = setting("dry", ROBOT_HELP, metavar="ROBOT"),
     log: RunFolder = None,
     rerun: Rerun = None,
-    say: Annotated[bool, typer.Option("--say", help="Let the robot say how it ended.")] = False,
-    rest: Annotated[bool, typer.Option("--rest", help="Let NAO rest afterwards: motors off.")] = (
-        False
-    ),
+    say: bool = setting(False, "Let the robot say how it ended."),
+    rest: bool = setting(False, "Let NAO rest afterwards, motors off."),
 ) -> None:
     """Look, decide, turn, look again, until the robot faces the doorway or should not.
 
-    Without --move nothing moves and the first step is only reported. Exit status: 0 it faces the
-    doorway (or reports what it would do), 1 an error, 2 wrong call, 3 no open doorway in a full
-    circle, 4 blocked, 5 unsure, 6 camera or robot lost, 7 bumper or fall, 130 Ctrl-C.
+    Without --move nothing moves and the first step is only reported.
+
+    Exit status: 0 it faces the doorway (or reports what it would do), 1 an error, 2 wrong call,
+    3 no open doorway in a full circle, 4 blocked, 5 unsure, 6 camera or robot lost,
+    7 bumper or fall, 130 Ctrl-C.
 
     Example: 3ds run 'sim://home?seed=7' --robot sim --move
     """
@@ -78,7 +80,7 @@ def run(
         # It looks when the loop asks, so that no look is older than it must be.
         eyes = stack.enter_context(Session(found, pipeline, ahead=0))
         report = TurnLoop(
-            eyes, driver, params, log=record, tell=_tell, decided=viewer.add if viewer else _ignore
+            eyes, driver, params, log=record, tell=tell, decided=viewer.add if viewer else _ignore
         ).run()
         if say and motion.move:
             with contextlib.suppress(UserError):
@@ -86,7 +88,7 @@ def run(
         if rest and motion.move and hasattr(driver.robot, "rest"):
             driver.robot.rest()
     sys.stdout.write(f"{report.outcome}: {report.why}\n")
-    _tell(
+    tell(
         f"{counted(report.looks, 'look')}, {counted(report.goes, 'turn')} towards a doorway, "
         f"{report.searches} to look around, {report.took_s:.1f} s; log in {record.folder}"
     )
@@ -96,8 +98,3 @@ def run(
 
 def _ignore(decision: object) -> None:
     """What is done with a decision that nothing shows."""
-
-
-def _tell(line: str) -> None:
-    sys.stderr.write(line + "\n")
-    sys.stderr.flush()

@@ -7,19 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from doorway3ds.camera.options import CameraOptions
-from doorway3ds.cli.shared.listening import (
-    Host,
-    ListenOptions,
-    Port,
-    TlsCert,
-    TlsKey,
-    TlsName,
-    Token,
-)
+from doorway3ds.cli.shared.listening import ListenOptions
 from doorway3ds.cli.shared.options import expand
 from doorway3ds.cli.shared.robot import open_eyes
 from doorway3ds.decide.options import DecideOptions
-from doorway3ds.options import require_range
+from doorway3ds.options import setting
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -31,34 +23,21 @@ if TYPE_CHECKING:
 def serve(
     camera: CameraOptions,
     decide: DecideOptions,
+    listen: ListenOptions,
     source: Annotated[
         str | None,
         typer.Argument(
-            help="Source shown live on the page: a video, webcam://0, rtsp://... as in `3ds live`."
+            metavar="SOURCE",
+            help="Source shown live on the page: a video, webcam://0, rtsp://... as in `3ds live`.",
         ),
     ] = None,
-    host: Host = "127.0.0.1",
-    port: Port = 8000,
-    token: Token = None,
-    tls: Annotated[
-        bool,
-        typer.Option("--tls", help="Serve over HTTPS, which phones require to share their camera."),
-    ] = False,
-    tls_cert: TlsCert = None,
-    tls_key: TlsKey = None,
-    tls_name: TlsName = None,
-    loop: Annotated[
-        bool, typer.Option("--loop", help="Start a video or folder again at its end.")
-    ] = False,
-    workers: Annotated[int, typer.Option(min=1, max=64, help="Decisions made at once.")] = 2,
-    in_flight: Annotated[
-        int,
-        typer.Option(
-            min=1, max=10_000, help="Decisions running or waiting; further requests get 429."
-        ),
-    ] = 16,
-    max_mb: Annotated[float, typer.Option(help="Largest request body, in MiB.")] = 32,
-    max_megapixels: Annotated[float, typer.Option(help="Largest image, in megapixels.")] = 50,
+    loop: bool = setting(False, "Start a video or folder again at its end."),
+    workers: int = setting(2, "Decisions made at once.", low=1, high=64),
+    in_flight: int = setting(
+        16, "Decisions running or waiting; further requests get 429.", low=1, high=10_000
+    ),
+    max_mb: float = setting(32, "Largest request body, in MiB.", low=0.01, high=1024),
+    max_megapixels: float = setting(50, "Largest image, in megapixels.", low=0.01, high=1000),
 ) -> None:
     """Show decisions on a page and answer programs over HTTP, until Ctrl-C.
 
@@ -67,18 +46,14 @@ def serve(
 
     Example: 3ds serve webcam://0 --camera pepper-top
     """
-    require_range("--max-mb", max_mb, 0.01, 1024)
-    require_range("--max-megapixels", max_megapixels, 0.01, 1000)
     from doorway3ds.camera.choice import choose_camera
 
     choice = choose_camera(camera)
-    listening = ListenOptions(
-        host, port, token, tls, tls_cert, tls_key, tuple(tls_name or ())
-    ).open()
+    listening = listen.open()
 
     import cv2
 
-    from doorway3ds.web.base.settings import Limits
+    from doorway3ds.web.base.access import Limits
     from doorway3ds.web.serve.app import create_app
     from doorway3ds.web.serve.settings import Settings
 

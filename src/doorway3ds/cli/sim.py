@@ -7,11 +7,13 @@ from typing import Annotated
 
 import typer
 
+from doorway3ds.cli.shared.options import expand
 from doorway3ds.errors import CallError, UserError
+from doorway3ds.options import setting
 
 app = typer.Typer(
     no_args_is_help=True,
-    help="Simulated homes: images with exact truth.\n\n"
+    help="Render simulated homes with exact truth, play trials, run a virtual NAO.\n\n"
     "Example: 3ds sim render --out homes --count 10",
 )
 
@@ -29,27 +31,28 @@ def parse_size(text: str) -> tuple[int, int]:
 
 @app.callback()
 def main() -> None:
-    """Simulated homes: pictures with exact truth."""
+    """Simulated homes: images with exact truth."""
 
 
 @app.command()
+@expand
 def render(
     out: Annotated[
         Path, typer.Option(help="Folder to write; an interrupted run continues where it stopped.")
     ],
-    count: Annotated[int, typer.Option(min=1, help="Number of images.")] = 100,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the homes.")] = 0,
-    size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of the images.")] = "320x240",
-    workers: Annotated[int, typer.Option(min=1, help="Number of processes.")] = 2,
-    hazards: Annotated[
-        float,
-        typer.Option(min=0, max=1, help="Share of homes with stairs, glass, mirrors, people ..."),
-    ] = 0.0,
-    low: Annotated[
-        float, typer.Option(min=0, max=1, help="Share of views from 0.3 to 0.6 m.")
-    ] = 0.0,
+    count: int = setting(100, "Number of images.", low=1),
+    seed: int = setting(0, "Seed of the homes.", low=0),
+    size: str = setting("320x240", "WIDTHxHEIGHT of the images."),
+    workers: int = setting(2, "Number of processes.", low=1),
+    hazards: float = setting(
+        0.0, "Share of homes with stairs, glass, mirrors, people ...", low=0, high=1
+    ),
+    low: float = setting(0.0, "Share of views from 0.3 to 0.6 m.", low=0, high=1),
 ) -> None:
-    """Render images of simulated homes with depth, floor and doorways."""
+    """Render images of simulated homes with depth, floor and doorways.
+
+    Example: 3ds sim render --out homes --count 10
+    """
     from rich.console import Console
     from rich.progress import Progress
 
@@ -58,14 +61,15 @@ def render(
 
     pixels = parse_size(size)
     with Progress(console=Console(stderr=True)) as bar:
-        task = bar.add_task("pictures", total=count)
+        task = bar.add_task("images", total=count)
         total = render_dataset(
             out, count, seed, pixels, workers, lambda n: bar.advance(task, n), hazards, low
         )
-    typer.echo(f"{total} pictures in {out}, some of them on {write_contact_sheet(out)}")
+    typer.echo(f"{total} images in {out}, some of them on {write_contact_sheet(out)}")
 
 
 @app.command()
+@expand
 def view(
     out: Annotated[
         Path, typer.Option(help="Image to write; its truth goes into truth/ beside it.")
@@ -74,13 +78,14 @@ def view(
     x: Annotated[float, typer.Option(help="Position along x in the home's plan, in metres.")],
     y: Annotated[float, typer.Option(help="Position along y in the home's plan, in metres.")],
     heading_deg: Annotated[float, typer.Option(help="Heading: 0 looks along x, 90 along y.")],
-    camera: Annotated[str, typer.Option(help="Camera preset.")] = "nao-v5-top",
-    pitch_deg: Annotated[
-        float | None, typer.Option(help="Pitch, + up, instead of the preset's.")
-    ] = None,
-    size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of the image.")] = "640x480",
+    camera: str = setting("nao-v5-top", "Camera preset."),
+    pitch_deg: float | None = setting(None, "Pitch, + up, instead of the preset's."),
+    size: str = setting("640x480", "WIDTHxHEIGHT of the image."),
 ) -> None:
-    """Render one image from a given place."""
+    """Render one image from a given place.
+
+    Example: 3ds sim view --out view.png --home 7 --x 2 --y 1.5 --heading-deg 90
+    """
     from dataclasses import replace
 
     from doorway3ds.camera.presets import preset
@@ -100,17 +105,17 @@ def view(
 
 
 @app.command()
+@expand
 def nao(
-    listen: Annotated[
-        str, typer.Option(metavar="URL", help="Address on which NAOqi answers.")
-    ] = "tcp://127.0.0.1:9559",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the homes.")] = 0,
-    scenario: Annotated[
-        str, typer.Option(help="Scene in front of the robot; see docs/robot.md.")
-    ] = "doorway",
-    robot: Annotated[str, typer.Option(help="Model: nao or pepper.")] = "nao",
+    listen: str = setting("tcp://127.0.0.1:9559", "Address on which NAOqi answers.", metavar="URL"),
+    seed: int = setting(0, "Seed of the homes.", low=0),
+    scenario: str = setting("doorway", "Scene in front of the robot; see docs/robot.md."),
+    robot: str = setting("nao", "Model: nao or pepper."),
 ) -> None:
-    """Run a virtual NAO that NAOqi scripts can turn and look through, until Ctrl-C."""
+    """Run a virtual NAO that NAOqi scripts can turn and look through, until Ctrl-C.
+
+    Example: 3ds sim nao --scenario doorway --seed 7
+    """
     import re
     import threading
     from importlib import import_module
@@ -156,28 +161,28 @@ def reason_of(error: RuntimeError) -> str:
 
 
 @app.command()
+@expand
 def trial(
     out: Annotated[
         Path,
         typer.Option(help="Folder for episodes and tables; an interrupted run continues in it."),
     ],
-    episodes: Annotated[int, typer.Option(min=1, help="Episodes of each scene.")] = 60,
-    scenes: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME,...",
-            help="Scenes to play, separated by commas; default: all; see docs/robot.md.",
-        ),
-    ] = None,
-    network: Annotated[
-        str, typer.Option(metavar="NAME", help="Network: truth, or one of `3ds models`.")
-    ] = "truth",
-    method: Annotated[str, typer.Option(help="Method: opening, paper or both.")] = "both",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the first episode.")] = 0,
-    workers: Annotated[int, typer.Option(min=1, help="Number of processes.")] = 2,
-    film: Annotated[bool, typer.Option("--film", help="Also write a GIF of each scene.")] = False,
+    episodes: int = setting(60, "Episodes of each scene.", low=1),
+    scenes: str | None = setting(
+        None,
+        "Scenes to play, separated by commas; default: all; see docs/robot.md.",
+        metavar="NAME,...",
+    ),
+    network: str = setting("truth", "Network: truth, or one of `3ds models`.", metavar="NAME"),
+    method: str = setting("both", "Method: opening, paper or both."),
+    seed: int = setting(0, "Seed of the first episode.", low=0),
+    workers: int = setting(2, "Number of processes.", low=1),
+    film: bool = setting(False, "Also write a GIF of each scene."),
 ) -> None:
-    """Play the closed loop in many homes; both methods meet the same stages."""
+    """Play the closed loop in many homes; both methods meet the same stages.
+
+    Example: 3ds sim trial --out trial --episodes 10 --scenes doorway,blocked
+    """
     from rich.console import Console
     from rich.progress import Progress
 

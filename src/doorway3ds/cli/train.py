@@ -1,4 +1,4 @@
-"""`3ds train`: networks from pictures. Needs the extra `train`."""
+"""`3ds train`: networks from images. Needs the extra `train`."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from doorway3ds.cli.shared.options import expand
+from doorway3ds.cli.shared.output import say
 from doorway3ds.cli.shared.training import running as run_of
-from doorway3ds.cli.shared.training import say
 from doorway3ds.errors import CallError
 from doorway3ds.lab.train.options import (
     ClassOptions,
@@ -19,6 +19,7 @@ from doorway3ds.lab.train.options import (
     RunOptions,
     SrinOptions,
 )
+from doorway3ds.options import setting
 
 if TYPE_CHECKING:
     from doorway3ds.lab.datasets.places import Pictures
@@ -32,7 +33,7 @@ app = typer.Typer(
 
 @app.callback()
 def top() -> None:
-    """Train networks from pictures; each command writes an ONNX file that `3ds look` uses."""
+    """Train networks from images; each command writes an ONNX file that `3ds look` uses."""
 
 
 @app.command()
@@ -46,45 +47,35 @@ def doornet(
         Path, typer.Option(help="Folder with the ONNX files that training starts from.")
     ],
     out: Out = Path("runs/doornet"),
-    recipe: Annotated[
-        Path | None, typer.Option(help="Recipe, a YAML file.  [default: the packaged one]")
-    ] = None,
-    hold_out: Annotated[
-        str | None,
-        typer.Option(metavar="K/N", help="Keep fold K of N of the places for calibration."),
-    ] = None,
-    report: Annotated[
-        int | None,
-        typer.Option(metavar="K", help="Keep fold K out of both training and calibration."),
-    ] = None,
-    marks: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="CSV with exact openings for images that lack them."),
-    ] = None,
-    calibration: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="CARD",
-            help="Take the calibration of a held-out run's doornet.json, to train on everything.",
-        ),
-    ] = None,
-    init: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Weights of an earlier run to start from.")
-    ] = None,
-    seed: Annotated[int | None, typer.Option(help="Seed, instead of the recipe's.")] = None,
-    patience: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            help="End a stage after N epochs without gain on held-out places and keep the best; "
-            "0: never.  [default: the recipe's]",
-        ),
-    ] = None,
-    precision: Annotated[
-        str, typer.Option(help="Arithmetic: auto (bfloat16 on a GPU), float32 or bfloat16.")
-    ] = "auto",
+    recipe: Path | None = setting(None, "Recipe, a YAML file; default: the packaged one."),
+    hold_out: str | None = setting(
+        None, "Keep fold K of N of the places for calibration.", metavar="K/N"
+    ),
+    report: int | None = setting(
+        None, "Keep fold K out of both training and calibration.", metavar="K"
+    ),
+    marks: Path | None = setting(
+        None, "CSV with exact openings for images that lack them.", metavar="FILE"
+    ),
+    calibration: Path | None = setting(
+        None,
+        "Take the calibration of a held-out run's doornet.json, to train on everything.",
+        metavar="CARD",
+    ),
+    init: Path | None = setting(None, "Weights of an earlier run to start from.", metavar="FILE"),
+    seed: int | None = setting(None, "Seed, instead of the recipe's."),
+    patience: int | None = setting(
+        None,
+        "End a stage after N epochs without gain on held-out places and keep the best; "
+        "0: never; default: the recipe's.",
+        low=0,
+    ),
+    precision: str = setting("auto", "Arithmetic: auto (bfloat16 on a GPU), float32 or bfloat16."),
 ) -> None:
-    """Train doornet: p_open, opening columns, depth and floor in one network."""
+    """Train doornet: p_open, opening columns, depth and floor in one network.
+
+    Example: 3ds train doornet rooms homes --teachers teachers --hold-out 1/5
+    """
     from dataclasses import replace
 
     from doorway3ds.lab.datasets.samples import parse_split
@@ -128,6 +119,8 @@ def limits(
     """Choose the presets cautious, balanced and eager of a trained doornet.
 
     Uses the places that the training held out; `balanced` is the default preset.
+
+    Example: 3ds train limits runs/doornet rooms homes
     """
     from doorway3ds.lab.train.doornet.tune import tune_run
 
@@ -147,7 +140,10 @@ def cnn_srin(
     running: FileOptions,
     out: Out = Path("runs/cnn-srin"),
 ) -> None:
-    """Train the paper's classifier on images with and without an open doorway."""
+    """Train the paper's classifier on images with and without an open doorway.
+
+    Example: 3ds train cnn-srin images --epochs 20
+    """
     from doorway3ds.lab.datasets.doors import read_door_pictures
     from doorway3ds.lab.train.paper.srinrun import SrinTraining
 
@@ -184,12 +180,14 @@ def densedepth(
     options: DepthOptions,
     running: FileOptions,
     out: Out = Path("runs/densedepth"),
-    unit_m: Annotated[
-        float | None,
-        typer.Option(metavar="M", help="Metres per count of depth, if the data do not say."),
-    ] = None,
+    unit_m: float | None = setting(
+        None, "Metres per count of depth, if the data do not say.", metavar="M"
+    ),
 ) -> None:
-    """Train the paper's depth network (DenseNet-169) on images with depth."""
+    """Train the paper's depth network (DenseNet-169) on images with depth.
+
+    Example: 3ds train densedepth nyu_data.zip --epochs 20
+    """
     from doorway3ds.lab.train.paper.densedepth import SETTINGS
     from doorway3ds.lab.train.paper.depthpairs import read_depth_pairs
     from doorway3ds.lab.train.paper.depthrun import DepthTraining

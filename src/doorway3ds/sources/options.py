@@ -20,10 +20,10 @@ class SourceOptions(Options):
         "a panel shows them and nothing is written.",
         names=("--pace/--no-pace",),
     )
-    loop: bool = setting(False, "Start a file again at its end.")
+    loop: bool = setting(False, "Start a video or folder again at its end.")
     fps: float | None = setting(
         None, "Frame rate of a folder's images and of standard input.", low=0.001, high=1000
     )
     patience_s: float = setting(
-        60.0, "Stop after a camera or stream was away for this long.", low=0, high=1e6
+        60.0, "Give up once a camera or stream has been gone for this long.", low=0, high=1e6
     )

@@ -14,8 +14,8 @@ import pytest
 
 from doorway3ds.errors import UserError
 from doorway3ds.web.base import tls
+from doorway3ds.web.base.access import is_loopback
 from doorway3ds.web.base.links import link, qr_svg, qr_text
-from doorway3ds.web.base.settings import is_loopback
 from tests.conftest import Cli
 from tests.web.conftest import Serve
 

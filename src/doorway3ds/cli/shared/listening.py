@@ -9,11 +9,12 @@ import socket
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, ClassVar
 
 import typer
 
 from doorway3ds.errors import CallError
+from doorway3ds.options import Options, setting
 
 if TYPE_CHECKING:
     from doorway3ds.web.base.shield import Shield
@@ -22,36 +23,28 @@ if TYPE_CHECKING:
 TOKEN_VARIABLE = "DOORWAY3DS_TOKEN"
 _TOKEN = re.compile(r"[A-Za-z0-9._~-]{8,256}")
 
-Host = Annotated[str, typer.Option(help="Address to listen on; 0.0.0.0 for other devices.")]
-Port = Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 takes a free one.")]
-Token = Annotated[
-    str | None,
-    typer.Option(
-        envvar=TOKEN_VARIABLE,
-        help="Secret that clients send, or `new`; required if --host is not this machine.",
-    ),
-]
-TlsCert = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="Certificate (PEM); default: a self-signed one.")
-]
-TlsKey = Annotated[Path | None, typer.Option(metavar="FILE", help="Key of the certificate (PEM).")]
-TlsName = Annotated[
-    list[str] | None,
-    typer.Option(metavar="NAME", help="Further name of the self-signed certificate; repeatable."),
-]
-
 
 @dataclass(frozen=True)
-class ListenOptions:
-    """--host, --port, --token and the options of TLS as they were given."""
+class ListenOptions(Options):
+    """Where a server listens, who may enter, and by which certificate."""
 
-    host: str
-    port: int
-    token: str | None = None
-    tls: bool = False
-    tls_cert: Path | None = None
-    tls_key: Path | None = None
-    tls_name: tuple[str, ...] = ()
+    panel: ClassVar[str] = "Server"
+
+    host: str = setting("127.0.0.1", "Address to listen on; 0.0.0.0 for other devices.")
+    port: int = setting(8000, "Port to listen on; 0 takes a free one.", low=0, high=65535)
+    token: str | None = setting(
+        None,
+        "Secret that clients send, or `new`; required if --host is not this machine.",
+        envvar=TOKEN_VARIABLE,
+    )
+    tls: bool = setting(False, "Serve over HTTPS, which phones require to share their camera.")
+    tls_cert: Path | None = setting(
+        None, "Certificate (PEM); default: a self-signed one.", metavar="FILE"
+    )
+    tls_key: Path | None = setting(None, "Key of the certificate (PEM).", metavar="FILE")
+    tls_name: list[str] | None = setting(
+        None, "Further name of the self-signed certificate; repeatable.", metavar="NAME"
+    )
 
     def open(self) -> Listening:
         """Checks them and takes the address.
@@ -59,7 +52,7 @@ class ListenOptions:
         Raises CallError for options that do not go together, UserError where the address is
         taken.
         """
-        from doorway3ds.web.base.settings import is_loopback
+        from doorway3ds.web.base.access import is_loopback
 
         token = _token(self.token, self.host, is_loopback(self.host))
 
@@ -67,7 +60,9 @@ class ListenOptions:
         from doorway3ds.web.base.run import listen
 
         tls = self.tls or self.tls_cert is not None or self.tls_key is not None
-        certificate = _certificate(self.tls_cert, self.tls_key, self.tls_name) if tls else None
+        certificate = (
+            _certificate(self.tls_cert, self.tls_key, tuple(self.tls_name or ())) if tls else None
+        )
         bound = listen(self.host, self.port)
         port = bound.getsockname()[1]
         here = link("127.0.0.1" if self.host in ("0.0.0.0", "") else self.host, port, tls, token)

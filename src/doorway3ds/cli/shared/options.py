@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
-from dataclasses import MISSING, Field, fields
+from dataclasses import Field, fields
 from typing import Annotated, Any, get_type_hints
 
 import typer
@@ -25,7 +25,8 @@ _ANY = inspect.Parameter.KEYWORD_ONLY  # in whatever order, with or without a de
 
 
 def expand(command: Callable[..., None]) -> Callable[..., None]:
-    """A command whose parameters of `Options` become one option for each of their settings.
+    """A command whose settings become options: those of its parameters of `Options`, one by one,
+    and its parameters that are a `setting` themselves.
 
     The command itself is called with the groups, made of what the user gave.
 
@@ -33,21 +34,31 @@ def expand(command: Callable[..., None]) -> Callable[..., None]:
     """
     parameters: list[inspect.Parameter] = []
     groups: dict[str, type[Options]] = {}
+    known: dict[str, Setting] = {}
     for name, parameter in inspect.signature(command, eval_str=True).parameters.items():
         kind = parameter.annotation
         if isinstance(kind, type) and issubclass(kind, Options):
             groups[name] = kind
-            parameters += _options(kind)
+            inner = get_type_hints(kind)
+            entries = [(entry.name, inner[entry.name], entry) for entry in fields(kind)]
+            panel = kind.panel
+        elif isinstance(parameter.default, Field):
+            entries, panel = [(name, kind, parameter.default)], None
         else:
             parameters.append(parameter.replace(kind=_ANY))
+            continue
+        for entry_name, entry_kind, entry in entries:
+            known[entry_name] = entry.metadata["setting"]
+            parameters.append(_parameter(entry_name, entry_kind, entry, panel))
 
     @functools.wraps(command)
     def call(**given: Any) -> None:
-        made = {}
-        for name, kind in groups.items():
-            values = {entry.name: given.pop(entry.name) for entry in fields(kind)}
-            check(kind, values, _flag)
-            made[name] = kind(**values)
+        for name, one in known.items():
+            check(_flag(name), given[name], one)
+        made = {
+            name: kind(**{entry.name: given.pop(entry.name) for entry in fields(kind)})
+            for name, kind in groups.items()
+        }
         command(**given, **made)
 
     del call.__wrapped__  # Typer must not look behind it
@@ -56,23 +67,13 @@ def expand(command: Callable[..., None]) -> Callable[..., None]:
     return call
 
 
-def _options(kind: type[Options]) -> list[inspect.Parameter]:
-    hints = get_type_hints(kind)
-    return [_parameter(entry, hints[entry.name], kind.panel) for entry in fields(kind)]
-
-
-def _parameter(entry: Field[Any], kind: Any, panel: str) -> inspect.Parameter:
+def _parameter(name: str, kind: Any, entry: Field[Any], panel: str | None) -> inspect.Parameter:
     known: Setting = entry.metadata["setting"]
-    if entry.default is MISSING:
-        raise TypeError(f"setting {entry.name} has no default")
-    names = known.names or ((_flag(entry.name),) if kind is bool else ())
-    option = typer.Option(*names, help=known.help, metavar=known.metavar, rich_help_panel=panel)
-    return inspect.Parameter(
-        entry.name,
-        _ANY,
-        default=entry.default,
-        annotation=Annotated[kind, option],
-    )
+    option = typer.Option(
+        *(known.names or ((_flag(name),) if kind is bool else ())),
+        help=known.help, metavar=known.metavar, envvar=known.envvar, rich_help_panel=panel,
+    )  # fmt: skip
+    return inspect.Parameter(name, _ANY, default=entry.default, annotation=Annotated[kind, option])
 
 
 def _flag(name: str) -> str:

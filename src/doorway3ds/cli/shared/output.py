@@ -1,4 +1,4 @@
-"""Standard output that is full or closed: one line and status 1, whatever was running."""
+"""Lines on standard error, and standard output that is full or closed: one line and status 1."""
 
 from __future__ import annotations
 
@@ -7,6 +7,17 @@ import os
 import sys
 from collections.abc import Iterator
 from typing import Any, TextIO, cast
+
+
+def say(line: str) -> None:
+    """One line on standard error, at once."""
+    sys.stderr.write(line + "\n")
+    sys.stderr.flush()
+
+
+def complain(message: str) -> None:
+    """What went wrong, in one line on standard error."""
+    say(f"3ds: {message}")
 
 
 class OutputLost(Exception):

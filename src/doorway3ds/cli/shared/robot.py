@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 import time
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from doorway3ds.cli.shared.output import say
 from doorway3ds.errors import CallError
 
 if TYPE_CHECKING:
@@ -85,16 +85,11 @@ def driver_of(name: str, source: Source, motion: MotionOptions) -> Iterator[Driv
     else:
         from doorway3ds.robots.nao.robot import NaoRobot
 
-        legs = NaoRobot(name, limits, tell=_tell)
+        legs = NaoRobot(name, limits, tell=say)
     try:
         yield Driver(legs, move=motion.move, limits=limits)
     finally:
         legs.close()
-
-
-def _tell(line: str) -> None:
-    sys.stderr.write(line + "\n")
-    sys.stderr.flush()
 
 
 @contextlib.contextmanager

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from doorway3ds.cli.shared.output import say
 from doorway3ds.cli.shared.progress import Progress, bar
 from doorway3ds.lab.train.options import RunOptions, require_precision
 
@@ -21,11 +22,6 @@ if TYPE_CHECKING:
 def command_line() -> str:
     """The command as typed, for the card."""
     return shlex.join(["3ds", *sys.argv[1:]])
-
-
-def say(text: str) -> None:
-    """One line on standard error."""
-    sys.stderr.write(text + "\n")
 
 
 class Watch:

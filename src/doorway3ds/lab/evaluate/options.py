@@ -1,4 +1,4 @@
-"""What a user may say of the pictures that are measured, and of the report."""
+"""What a user may say of the images that are measured, and of the report."""
 
 from __future__ import annotations
 
@@ -12,34 +12,36 @@ from doorway3ds.options import Options, setting
 
 @dataclass(frozen=True)
 class DataOptions(LensOptions):
-    """Which pictures of a data set are measured; the camera is of those that bring none."""
+    """Which images of a data set are measured; the camera is of those that bring none."""
 
-    panel: ClassVar[str] = "Pictures"
+    panel: ClassVar[str] = "Images"
 
     layout: str | None = setting(
-        None, "nyu, rendered, plain, boxes or folders; told from the files if left out."
+        None, "nyu, rendered, plain, boxes or folders; default: recognised from the files."
     )
-    split: str | None = setting(None, "Only fold K of N of the places, K from 1.", metavar="K/N")
+    split: str | None = setting(
+        None, "Evaluate fold K of N of the places only, K from 1.", metavar="K/N"
+    )
     folds: int | None = setting(
         None,
-        "All N folds, each by its own network ({k} in --network).",
+        "Evaluate all N folds, each by its own network ({k} in --network).",
         low=2,
         high=1000,
         metavar="N",
     )
     images: Path | None = setting(
-        None, "Only the pictures named in it, one a line.", metavar="FILE"
+        None, "Evaluate only the images named in this file, one per line.", metavar="FILE"
     )
     places: Path | None = setting(
-        None, "CSV with columns image, place: which belong together.", metavar="FILE"
+        None, "CSV with columns image, place, to tell which images belong together.", metavar="FILE"
     )
 
 
 @dataclass(frozen=True)
 class MarkOptions(DataOptions):
-    """The same of pictures with marks of several confidences."""
+    """The same of images with marks of several confidences."""
 
-    min_confidence: int = setting(1, "Leave marks below this confidence out.", low=1, high=3)
+    min_confidence: int = setting(1, "Leave out marks below this confidence.", low=1, high=3)
     marks: Path | None = setting(
         None, "Marks of a bag's images; default: doorways.csv beside the bag.", metavar="FILE"
     )
@@ -56,5 +58,5 @@ class ReportOptions(Options):
         None, "Write report.html, report.json and PNGs there.", metavar="DIR"
     )
     json_file: Path | None = setting(
-        None, "Write the numbers; - = standard out.", metavar="FILE", names=("--json",)
+        None, "Write the numbers as JSON; - for stdout.", metavar="FILE", names=("--json",)
     )

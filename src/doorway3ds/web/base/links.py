@@ -6,7 +6,7 @@ import contextlib
 import io
 import socket
 
-from doorway3ds.web.base.settings import is_loopback
+from doorway3ds.web.base.access import is_loopback
 
 _ANY = ("0.0.0.0", "::", "")
 

@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 import json
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Depends, Request, Response
+from pydantic import BaseModel, Field
 
 from doorway3ds import __version__
-from doorway3ds.web.base import schemas
 from doorway3ds.web.base.access import COOKIE, carries_token, same
-from doorway3ds.web.base.errors import ApiError
+from doorway3ds.web.base.errors import ApiError, errors
 from doorway3ds.web.base.metrics import CONTENT_TYPE
 from doorway3ds.web.base.state import ServerState, server_state
 
 router = APIRouter()
 State = Annotated[ServerState, Depends(server_state)]
+SourceState = Literal["starting", "running", "waiting", "ended", "lost", "stopped"]
+
+
+class HealthAnswer(BaseModel):
+    status: Literal["ok", "degraded"] = Field(
+        description="degraded: the server answers, its source sends no images."
+    )
+    version: str
+    in_flight: int
+    source: SourceState | None
 
 
 def json_answer(value: Any, status: int = 200) -> Response:
@@ -33,7 +43,7 @@ async def link_svg(state: State) -> Response:
     return Response(qr_svg(state.access.link), media_type="image/svg+xml")
 
 
-@router.get("/healthz", response_model=schemas.HealthAnswer, responses=schemas.errors(403))
+@router.get("/healthz", response_model=HealthAnswer, responses=errors(403))
 async def healthz(state: State) -> Response:
     """Needs no token."""
     source = state.source_state
@@ -52,7 +62,7 @@ async def healthz(state: State) -> Response:
     "/metrics",
     response_class=Response,
     responses={
-        **schemas.errors(401, 403),
+        **errors(401, 403),
         200: {"content": {"text/plain": {"schema": {"type": "string"}}}},
     },
 )

@@ -7,9 +7,8 @@ import time
 from collections.abc import Awaitable, Callable, MutableMapping
 from typing import Any
 
-from doorway3ds.web.base.access import Access
+from doorway3ds.web.base.access import Access, Limits
 from doorway3ds.web.base.errors import ApiError
-from doorway3ds.web.base.settings import Limits
 from doorway3ds.web.base.state import ServerState
 
 Scope = MutableMapping[str, Any]

@@ -3,15 +3,52 @@
 from __future__ import annotations
 
 import asyncio
+import hashlib
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.resources import files
 from typing import cast
 
 from fastapi import Request
 
-from doorway3ds.web.base.assets import Assets
+from doorway3ds.web.base.access import ServerSettings
 from doorway3ds.web.base.metrics import Metrics
-from doorway3ds.web.base.settings import ServerSettings
 from doorway3ds.web.base.work import Work
+
+_KINDS = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
+    ".jpg": "image/jpeg",
+    ".webmanifest": "application/manifest+json",
+}
+
+
+@dataclass(frozen=True)
+class Asset:
+    data: bytes
+    kind: str
+    etag: str
+
+
+class Assets:
+    """The files of `web/static` by name, read once: no request's path reaches the file system."""
+
+    def __init__(self) -> None:
+        self._assets = {}
+        for file in files("doorway3ds.web").joinpath("static").iterdir():
+            kind = _KINDS.get("." + file.name.rpartition(".")[2])
+            if kind is not None:
+                data = file.read_bytes()
+                etag = f'"{hashlib.sha256(data).hexdigest()[:16]}"'
+                self._assets[file.name] = Asset(data, kind, etag)
+
+    def get(self, name: str) -> Asset | None:
+        return self._assets.get(name)
+
+    def __getitem__(self, name: str) -> Asset:
+        return self._assets[name]
 
 
 class ServerState:

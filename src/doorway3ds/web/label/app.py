@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from doorway3ds.images.codec import MAX_PIXELS
+from doorway3ds.web.base.access import Limits, ServerSettings
 from doorway3ds.web.base.app import assemble
-from doorway3ds.web.base.settings import Limits, ServerSettings
 from doorway3ds.web.base.shield import Shield
 from doorway3ds.web.label import routes
 from doorway3ds.web.label.pictures import Pictures

@@ -10,9 +10,8 @@ from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 
 from doorway3ds.errors import UserError
-from doorway3ds.web.base.errors import ApiError
+from doorway3ds.web.base.errors import ApiError, errors
 from doorway3ds.web.base.routes import json_answer
-from doorway3ds.web.base.schemas import errors
 from doorway3ds.web.label.marks import MAX_OPENINGS, MarkedOpening, Marks
 from doorway3ds.web.label.pictures import Prepared
 from doorway3ds.web.label.state import LabelState, label_state

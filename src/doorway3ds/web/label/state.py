@@ -6,7 +6,7 @@ from typing import cast
 
 from fastapi import Request
 
-from doorway3ds.web.base.settings import ServerSettings
+from doorway3ds.web.base.access import ServerSettings
 from doorway3ds.web.base.state import ServerState, server_state
 from doorway3ds.web.label.pictures import Pictures
 from doorway3ds.web.label.table import Table

@@ -19,9 +19,8 @@ from doorway3ds.decide.pipeline import NEEDS
 from doorway3ds.draw import annotate
 from doorway3ds.images.codec import encode_jpeg, read_image
 from doorway3ds.types import Decision
-from doorway3ds.web.base.errors import ApiError, busy
+from doorway3ds.web.base.errors import ApiError, busy, errors
 from doorway3ds.web.base.routes import json_answer
-from doorway3ds.web.base.schemas import errors
 from doorway3ds.web.serve import schemas
 from doorway3ds.web.serve.body import Upload, read_upload
 from doorway3ds.web.serve.choice import DecideFields, SourceFields, upload_frame

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from doorway3ds.web.base.schemas import SourceState
+from doorway3ds.web.base.routes import SourceState
 from doorway3ds.web.serve.choice import DecideFields
 
 EXAMPLE: dict[str, Any] = {

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from doorway3ds.camera.choice import CameraChoice
 from doorway3ds.decide.options import DecideOptions
-from doorway3ds.web.base.settings import ServerSettings
+from doorway3ds.web.base.access import ServerSettings
 
 
 @dataclass(frozen=True, kw_only=True)
