@@ -21,7 +21,7 @@ class LensOptions(Options):
         metavar="PRESET|FILE",
     )
     fov_deg: float | None = setting(
-        None, "Horizontal field of view, instead of --camera.", low=1, high=179
+        None, "Horizontal field of view, instead of a camera.", low=1, high=179
     )
 
     def __post_init__(self) -> None:

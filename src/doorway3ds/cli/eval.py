@@ -5,7 +5,6 @@ from __future__ import annotations
 import atexit
 import datetime
 import json
-import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from doorway3ds.cli.shared.options import Mirror, expand
-from doorway3ds.cli.shared.output import say
+from doorway3ds.cli.shared.output import say, write_numbers
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.tables import print_tables
 from doorway3ds.cli.shared.training import command_line
@@ -226,18 +225,15 @@ def overview(
     Example: 3ds eval overview rooms homes --held-out runs/doornet/held-out.csv
     """
     from doorway3ds.lab.evaluate import overview as tables
-    from doorway3ds.lab.evaluate.report.html import write_json
     from doorway3ds.networks.registry import load
 
     names = network or ["doornet"]
     rows: list[tables.Row] = []
     for part in tables.held_sets(datasets, tables.read_held(held_out)):
         rows += tables.compare(part, names, load, preset, repeats, sheets, _progress)
-    if json_file is not None and str(json_file) != "-":
-        write_json(json_file, {"rows": [row.to_dict() for row in rows]})
-    if json_file is not None and str(json_file) == "-":
-        typer.echo(json.dumps({"rows": [row.to_dict() for row in rows]}))
-    else:
+    if json_file is not None:
+        write_numbers(json_file, {"rows": [row.to_dict() for row in rows]})
+    if str(json_file) != "-":
         typer.echo(tables.table(rows), nl=False)
 
 
@@ -340,16 +336,15 @@ def _page(
 def _finish(page: Report, result: dict[str, Any], options: ReportOptions) -> None:
     from rich.console import Console
 
-    from doorway3ds.lab.evaluate.report.html import write_json, write_report
+    from doorway3ds.lab.evaluate.report.html import write_report
 
     result = {**page.facts, **result}
     if options.out is not None:
         say(f"wrote {write_report(page, options.out, result)}")
-    if str(options.json_file) == "-":
-        sys.stdout.write(json.dumps(result, allow_nan=False) + "\n")
-        return
     if options.json_file is not None:
-        write_json(options.json_file, result)
+        write_numbers(options.json_file, result)
+    if str(options.json_file) == "-":
+        return
     console = Console()
     print_tables(console, page.tables)
     for name in ("places", "marks", "left out"):

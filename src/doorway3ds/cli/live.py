@@ -125,7 +125,7 @@ def live(
         driver = None
         if robot is not None:
             driver = stack.enter_context(driver_of(robot, found, motion))
-        heading = _heading(driver.robot) if driver is not None and driver.move else _still
+        heading = _heading(None if driver is None or not driver.move else driver.robot)
         session = Session(found, pipeline, ahead=1 if found.live or pace else 2, heading=heading)
         watch = Watch(session, as_json, film)
         watch.keep = keep
@@ -194,27 +194,19 @@ def _drive(
     return report
 
 
-def _heading(robot: Robot) -> Callable[[], float | None]:
-    """The robot's heading, asked for with every frame until it fails once."""
+def _heading(robot: Robot | None) -> Callable[[], float | None]:
+    """The heading of a robot that may turn, asked for with every frame until it fails once."""
     from doorway3ds.robots.base import RobotError
 
-    gone = False
-
     def ask() -> float | None:
-        nonlocal gone
-        if gone:
-            return None
+        nonlocal robot
         try:
-            return robot.pose().heading_deg
+            return None if robot is None else robot.pose().heading_deg
         except RobotError:
-            gone = True
+            robot = None
             return None
 
     return ask
-
-
-def _still() -> None:
-    """The heading where no robot turns: unknown, and it does not change."""
 
 
 def _conclude(report: Report, folder: Path | None, as_json: bool) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,7 +10,7 @@ import typer
 
 from doorway3ds.camera.options import LensOptions
 from doorway3ds.cli.shared.options import expand
-from doorway3ds.cli.shared.output import say
+from doorway3ds.cli.shared.output import say, write_numbers
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.training import Watch, command_line
 from doorway3ds.errors import CallError
@@ -152,20 +150,16 @@ def qualify(
 
 
 def _print(comparison: Comparison, card: dict[str, Any], json_file: Path | None) -> None:
-    """The numbers where they are asked for, and the table unless they go to standard output."""
-    from doorway3ds.lab.evaluate.report.html import write_json
-
-    if str(json_file) == "-":
-        sys.stdout.write(json.dumps(card, allow_nan=False) + "\n")
-        return
-    if json_file is not None:
-        write_json(json_file, card)
+    """The table, or the card as JSON on standard output or in a file."""
     from rich.console import Console
 
     from doorway3ds.cli.shared.tables import print_tables
     from doorway3ds.lab.train.site.score import table
 
-    print_tables(Console(), [table(comparison)])
+    if json_file is not None:
+        write_numbers(json_file, card)
+    if str(json_file) != "-":
+        print_tables(Console(), [table(comparison)])
 
 
 def _tell(line: str, json_file: Path | None) -> None:

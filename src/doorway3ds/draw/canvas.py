@@ -85,16 +85,14 @@ def fixed(points: ArrayLike) -> NDArray[np.int32]:
     return np.round(np.asarray(points, dtype=np.float64) * (1 << SHIFT)).astype(np.int32)
 
 
-def stroke(
-    canvas: Image, points: ArrayLike, color: Color, thickness: int, closed: bool = False
-) -> None:
-    cv2.polylines(canvas, [fixed(points)], closed, color, thickness, cv2.LINE_AA, SHIFT)
+def stroke(canvas: Image, points: ArrayLike, color: Color, thickness: int) -> None:
+    strokes(canvas, [points], color, thickness)
 
 
 def strokes(canvas: Image, lines: Sequence[ArrayLike], color: Color, thickness: int) -> None:
-    cv2.polylines(
-        canvas, [fixed(line) for line in lines], False, color, thickness, cv2.LINE_AA, SHIFT
-    )
+    """Open lines of (n, 2) canvas points each."""
+    corners = [fixed(line) for line in lines]
+    cv2.polylines(canvas, corners, False, color, thickness, cv2.LINE_AA, SHIFT)
 
 
 def fill(canvas: Image, points: ArrayLike, color: Color) -> None:

@@ -49,7 +49,7 @@ def overlay(decision: Decision, faint: bool = False) -> Image:
     height, width = image.shape[:2]
     unit = max(min(width, height) / 480, 0.25)
     view = View(image, (width, height), unit)
-    _reserve_answer(view, decision)
+    view.taken.append(_answer_box(view, decision)[:4])
     paint_scene(view, decision)
     _answer(view, decision)
     return image
@@ -63,10 +63,6 @@ def _answer_box(view: View, decision: Decision) -> tuple[float, float, float, fl
     right = text_width(words, size, "semibold") + 1.8 * size
     bottom = view.height - 0.5 * size
     return 0.5 * size, bottom - 1.8 * size, right, bottom, size
-
-
-def _reserve_answer(view: View, decision: Decision) -> None:
-    view.taken.append(_answer_box(view, decision)[:4])
 
 
 def _answer(view: View, decision: Decision) -> None:
@@ -294,7 +290,7 @@ class _Page:
         x, y = at
         self.text(fact.label, (x, y + 20), 20, MUTED)
         y += 20
-        for line in wrap(fact.value, 26, width * 1.0, "semibold", 2):
+        for line in wrap(fact.value, 26, width, "semibold", 2):
             y += 34
             self.text(line, (x, y), 26, INK, bold=True)
         for line in wrap(fact.note, 20, width, max_lines=2) if fact.note else []:

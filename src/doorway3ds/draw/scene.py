@@ -90,12 +90,7 @@ def paint_obstacle(view: View, obstacle: ArrayLike) -> None:
     if len(points) == 0:
         return
     cell = max(2, round(5 * view.unit))
-    grid = np.zeros((view.height // cell + 2, view.width // cell + 2), np.uint8)
-    columns = np.clip(np.round(points[:, 0] / cell).astype(int), 0, grid.shape[1] - 1)
-    rows = np.clip(np.round(points[:, 1] / cell).astype(int), 0, grid.shape[0] - 1)
-    grid[rows, columns] = 255
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (5, 5))
-    grid = np.asarray(cv2.morphologyEx(grid, cv2.MORPH_CLOSE, kernel), np.uint8)
+    grid = patch(points, cell, (view.height // cell + 2, view.width // cell + 2))
     large = cv2.resize(grid, (grid.shape[1] * cell, grid.shape[0] * cell))
     mask = np.asarray(
         cv2.threshold(large, 110, 255, cv2.THRESH_BINARY)[1][: view.height, : view.width], np.uint8
@@ -106,6 +101,17 @@ def paint_obstacle(view: View, obstacle: ArrayLike) -> None:
         view.canvas, edges, -1, WHITE, view.thick(1.6) + 2 * view.thick(0.6), cv2.LINE_AA
     )
     cv2.drawContours(view.canvas, edges, -1, VERMILLION, view.thick(1.6), cv2.LINE_AA)
+
+
+def patch(points: NDArray[np.float64], cell: float, shape: tuple[int, int]) -> NDArray[np.uint8]:
+    """Points (n, 2) on a grid of cells, 255 where they stand and between those close together."""
+    grid = np.zeros(shape, np.uint8)
+    columns, rows = np.clip(
+        np.round(points.T / cell).astype(int), 0, [[shape[1] - 1], [shape[0] - 1]]
+    )
+    grid[rows, columns] = 255
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (5, 5))
+    return np.asarray(cv2.morphologyEx(grid, cv2.MORPH_CLOSE, kernel), np.uint8)
 
 
 def paint_openings(view: View, decision: Decision, labels: bool = True) -> None:
@@ -226,18 +232,20 @@ def paint_aim(view: View, pixel: tuple[int, int], color: Color = AZURE) -> None:
         disc(view.canvas, at, radius * view.unit, ring)
 
 
+def paper_points(decision: Decision) -> dict[str, tuple[float, float]]:
+    """The published method's three pixels, which lie on a 240x320 map, as points of the image."""
+    camera, evidence = decision.frame.camera, decision.selection.evidence
+    pixels = {name: evidence.get(f"{name}_pixel") for name in ("max", "best", "trigger")}
+    return {
+        name: ((p[1] + 0.5) * camera.width / 320 - 0.5, (p[0] + 0.5) * camera.height / 240 - 0.5)
+        for name, p in pixels.items()
+        if p is not None
+    }
+
+
 def paint_paper_pixels(view: View, decision: Decision, labels: bool = True) -> None:
     """The published method's Max-, Best- and Trigger-Pixel and the ways walked between them."""
-    evidence = decision.selection.evidence
-    marks: dict[str, tuple[float, float]] = {}
-    for name in ("max", "best", "trigger"):
-        pixel = evidence.get(f"{name}_pixel")
-        if pixel is not None:
-            row, column = pixel
-            marks[name] = (
-                view.x((column + 0.5) * view.size[0] / 320 - 0.5),
-                view.y((row + 0.5) * view.size[1] / 240 - 0.5),
-            )
+    marks = {name: (view.x(x), view.y(y)) for name, (x, y) in paper_points(decision).items()}
     if "max" in marks and "best" in marks:
         cased(view, [[marks["max"], marks["best"]]], WHITE, 1.4)
     if "best" in marks and "trigger" in marks:

@@ -128,23 +128,19 @@ def write_image(path: str | os.PathLike[str], image: NDArray[np.uint8], quality:
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix in (".jpg", ".jpeg"):
-        options = [cv2.IMWRITE_JPEG_QUALITY, quality]
-    elif suffix == ".png":
-        options = [cv2.IMWRITE_PNG_COMPRESSION, 3]
-    else:
+    if suffix not in (".jpg", ".jpeg", ".png"):
         raise UserError(f"cannot write {path}: expected .jpg or .png, got {suffix or 'no suffix'}")
-    done, encoded = cv2.imencode(suffix, cv2.cvtColor(image, cv2.COLOR_RGB2BGR), options)
-    if not done:
-        raise UserError(f"cannot write {path}: OpenCV could not encode {image.shape}")
-    return write_bytes(path, encoded.tobytes())
+    return write_bytes(path, _encode(suffix, image, quality))
 
 
 def encode_jpeg(image: NDArray[np.uint8], quality: int = 88) -> bytes:
     """(H, W, 3) uint8 RGB as a JPEG file."""
-    done, data = cv2.imencode(
-        ".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, quality]
-    )
+    return _encode(".jpg", image, quality)
+
+
+def _encode(suffix: str, image: NDArray[np.uint8], quality: int) -> bytes:
+    options = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_PNG_COMPRESSION, 3]
+    done, data = cv2.imencode(suffix, cv2.cvtColor(image, cv2.COLOR_RGB2BGR), options)
     if not done:
-        raise UserError(f"an image of shape {image.shape} cannot be written as a JPEG")
+        raise UserError(f"an image of shape {image.shape} cannot be written as {suffix}")
     return data.tobytes()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +13,7 @@ from doorway3ds.camera.model import Camera
 from doorway3ds.networks.base import Network, presets_of, thresholds_of
 from doorway3ds.types import ColumnVotes, Perception, RelativeDepth
 
+T = TypeVar("T")
 _SURE = 1e-6  # probabilities stay this far from 0 and 1, so that logits stay finite
 
 
@@ -39,10 +42,10 @@ class Mirrored:
         return replace(
             plain,
             p_open=float(_mean_probability(plain.p_open, other.p_open)),
-            columns=_mean_columns(plain.columns, other.columns),
-            depth_m=_mean_depth(plain.depth_m, other.depth_m),
-            floor=_mean_floor(plain.floor, other.floor),
-            relative=_mean_relative(plain.relative, other.relative),
+            columns=_if_both(_mean_columns, plain.columns, other.columns),
+            depth_m=_if_both(_mean_depth, plain.depth_m, other.depth_m),
+            floor=_if_both(_mean_probability, plain.floor, other.floor),
+            relative=_if_both(_mean_relative, plain.relative, other.relative),
             network=self.name,
             timings_ms=timings,
         )
@@ -70,20 +73,17 @@ def _turned_back(seen: Perception, width: int) -> Perception:
     )
 
 
-def _mean_probability(
-    a: float | NDArray[np.floating], b: float | NDArray[np.floating]
-) -> NDArray[np.float32]:
+def _if_both(mean: Callable[[T, T], T], a: T | None, b: T | None) -> T | None:
+    return None if a is None or b is None else mean(a, b)
+
+
+def _mean_probability(a: Any, b: Any) -> NDArray[np.float32]:
     a, b = (np.clip(np.asarray(p, np.float64), _SURE, 1 - _SURE) for p in (a, b))
     odds = np.sqrt(a / (1 - a) * (b / (1 - b)))
     return np.asarray(odds / (1 + odds), np.float32)
 
 
-def _mean_columns(a: ColumnVotes | None, b: ColumnVotes | None) -> ColumnVotes | None:
-    if a is None or b is None:
-        return None
-    clear = None
-    if a.clear is not None and b.clear is not None:
-        clear = _mean_probability(a.clear, b.clear)
+def _mean_columns(a: ColumnVotes, b: ColumnVotes) -> ColumnVotes:
     # a strip's edges are those of the look that believes in it more
     share = a.score / np.maximum(a.score + b.score, _SURE)
     return replace(
@@ -91,7 +91,7 @@ def _mean_columns(a: ColumnVotes | None, b: ColumnVotes | None) -> ColumnVotes |
         score=_mean_probability(a.score, b.score),
         left_px=share * a.left_px + (1 - share) * b.left_px,
         right_px=share * a.right_px + (1 - share) * b.right_px,
-        clear=clear,
+        clear=_if_both(_mean_probability, a.clear, b.clear),
     )
 
 
@@ -101,22 +101,12 @@ def _either(
     return np.where(np.isnan(a), b, np.where(np.isnan(b), a, mean)).astype(np.float32)
 
 
-def _mean_depth(
-    a: NDArray[np.float32] | None, b: NDArray[np.float32] | None
-) -> NDArray[np.float32] | None:
-    return None if a is None or b is None else _either(np.sqrt(a * b), a, b)
+def _mean_depth(a: NDArray[np.float32], b: NDArray[np.float32]) -> NDArray[np.float32]:
+    return _either(np.sqrt(a * b), a, b)
 
 
-def _mean_floor(
-    a: NDArray[np.float32] | None, b: NDArray[np.float32] | None
-) -> NDArray[np.float32] | None:
-    return None if a is None or b is None else _mean_probability(a, b)
-
-
-def _mean_relative(a: RelativeDepth | None, b: RelativeDepth | None) -> RelativeDepth | None:
-    """Inverse depth of the first look, with the second brought to its scale where it has one."""
-    if a is None or b is None:
-        return None
+def _mean_relative(a: RelativeDepth, b: RelativeDepth) -> RelativeDepth:
+    """Inverse depth of the first look, with the second brought to its scale if it has one."""
     if a.shifted:
         return a  # two unknown scales and shifts have no mean
     known = np.isfinite(a.inverse) & np.isfinite(b.inverse) & (b.inverse > 0)

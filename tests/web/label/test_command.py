@@ -39,7 +39,7 @@ def test_ctrl_c_leaves_everything_saved(cli: Cli, site: Path) -> None:
             told = process.stderr.read()
         finally:
             process.kill()
-    assert told == f"{site / 'doorways.csv'}: 3 of 5 pictures marked\n"
+    assert told == f"{site / 'doorways.csv'}: 3 of 5 images marked\n"
     assert [row["state"] for row in rows(site)] == ["open", "closed", "none"]
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, TextIO, cast
 
 
@@ -18,6 +20,16 @@ def say(line: str) -> None:
 def complain(message: str) -> None:
     """What went wrong, in one line on standard error."""
     say(f"3ds: {message}")
+
+
+def write_numbers(path: Path, numbers: Any) -> None:
+    """Numbers as JSON, to standard output if the path is -."""
+    if str(path) == "-":
+        sys.stdout.write(json.dumps(numbers, allow_nan=False) + "\n")
+        return
+    from doorway3ds.lab.evaluate.report.html import write_json
+
+    write_json(path, numbers)
 
 
 class OutputLost(Exception):

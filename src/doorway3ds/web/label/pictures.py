@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from doorway3ds.errors import UserError
 from doorway3ds.images.codec import SUFFIXES, Picture, encode_jpeg, read_image
+from doorway3ds.images.folder import images_in
 from doorway3ds.web.label.marks import Marks
 
 MAX_SIDE = 1600  # of the copy that a browser gets
@@ -59,9 +59,9 @@ class Pictures:
         if not folder.is_dir():
             raise UserError(f"expected a folder of images, got {folder}")
         root = folder / "images"
-        found = list(_below(root)) if root.is_dir() else []
+        found = _below(root) if root.is_dir() else []
         if not found:
-            root, found = folder, list(_below(folder))
+            root, found = folder, _below(folder)
         if not found:
             raise UserError(
                 f"{folder} holds no image; expected .jpg, .png, .webp, .tif, .bmp or .ppm"
@@ -126,15 +126,14 @@ class Pictures:
             return Prepared(width, height, jpeg, problem=str(error))
 
 
-def _below(root: Path) -> Iterator[str]:
-    for folder, folders, files in os.walk(root):
-        folders[:] = sorted(
-            name for name in folders if not name.startswith(".") and name not in _NO_PICTURES
-        )
-        for name in files:
-            path = Path(folder) / name
-            if path.suffix.lower() in SUFFIXES and not name.startswith("."):
-                yield path.relative_to(root).as_posix()
+def _below(root: Path) -> list[str]:
+    """Images in the folders under `root` that hold no labels of other kinds, by relative name."""
+    found = (path.relative_to(root) for path in images_in(root, recursive=True))
+    return [
+        path.as_posix()
+        for path in found
+        if path.suffix.lower() in SUFFIXES and not _NO_PICTURES.intersection(path.parts[:-1])
+    ]
 
 
 def _writable(name: str) -> bool:

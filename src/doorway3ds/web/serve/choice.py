@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -25,6 +25,7 @@ from doorway3ds.networks.base import (
     together,
 )
 from doorway3ds.networks.registry import MODELS, load
+from doorway3ds.options import Options, settings_of
 from doorway3ds.sources.base import View
 from doorway3ds.types import Frame
 from doorway3ds.web.base.errors import ApiError
@@ -37,14 +38,20 @@ _CACHED = 16  # pipelines are small; what is large, the networks, is shared betw
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
+def _of(kind: type[Options], name: str, example: Any) -> Any:
+    """A field that means what the option of that name does."""
+    known = settings_of(kind)[name]
+    return Field(
+        default=None, ge=known.low, le=known.high, description=known.help, examples=[example]
+    )
+
+
 class Fields(BaseModel):
     """How to decide; each field is optional and has the meaning of the option of `3ds look`."""
 
     model_config = ConfigDict(extra="forbid")
 
-    method: Literal["opening", "paper"] | None = Field(
-        default=None, description="How a direction is selected.", examples=["opening"]
-    )
+    method: Literal["opening", "paper"] | None = _of(DecideOptions, "method", "opening")
     network: str | None = Field(
         default=None,
         max_length=120,
@@ -58,40 +65,14 @@ class Fields(BaseModel):
         "Default: the server's camera. Not together with `fov_deg`.",
         examples=["nao-v6-top"],
     )
-    fov_deg: Number | None = Field(
-        default=None, ge=1, le=179, description="Horizontal field of view.", examples=[56.3]
-    )
-    height_m: Number | None = Field(
-        default=None, ge=0.01, le=10, description="Camera above the floor.", examples=[0.54]
-    )
-    pitch_deg: Number | None = Field(
-        default=None, ge=-90, le=90, description="Camera's pitch, + up.", examples=[-1.2]
-    )
-    roll_deg: Number | None = Field(
-        default=None, ge=-180, le=180, description="Camera's roll.", examples=[0.0]
-    )
-    width_m: Number | None = Field(
-        default=None, ge=0.01, le=5, description="Robot's width.", examples=[0.28]
-    )
-    max_unseen_m: Number | None = Field(
-        default=None,
-        ge=0,
-        le=100,
-        description="Abstain where the floor comes into view only beyond this distance.",
-        examples=[1.0],
-    )
-    aligned_deg: Number | None = Field(
-        default=None,
-        ge=0.5,
-        le=30,
-        description="Largest bearing at which the robot faces a doorway.",
-        examples=[3.0],
-    )
-    mirror: bool | None = Field(
-        default=None,
-        description="Average over both mirrorings of the image: steadier, at twice the time.",
-        examples=[True],
-    )
+    fov_deg: Number | None = _of(CameraOptions, "fov_deg", 56.3)
+    height_m: Number | None = _of(CameraOptions, "height_m", 0.54)
+    pitch_deg: Number | None = _of(CameraOptions, "pitch_deg", -1.2)
+    roll_deg: Number | None = _of(CameraOptions, "roll_deg", 0.0)
+    width_m: Number | None = _of(DecideOptions, "width_m", 0.28)
+    max_unseen_m: Number | None = _of(DecideOptions, "max_unseen_m", 1.0)
+    aligned_deg: Number | None = _of(DecideOptions, "aligned_deg", 3.0)
+    mirror: bool | None = _of(DecideOptions, "mirror", True)
     preset: str | None = Field(
         default=None,
         max_length=64,

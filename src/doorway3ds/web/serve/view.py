@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from doorway3ds.draw.panels import depth_limit, field_of_view
-from doorway3ds.draw.scene import evidence_points, trusted
+from doorway3ds.draw.scene import evidence_points, paper_points, patch, trusted
 from doorway3ds.draw.words import facts, headline, sentence
 from doorway3ds.types import Decision
 
 _FLOOR_SIDE = 320  # floor masks are enlarged to this before they are outlined: smooth edges
-_PAPER_SIZE = (240, 320)
 
 
 def view_of(decision: Decision) -> dict[str, Any]:
@@ -45,7 +44,7 @@ def view_of(decision: Decision) -> dict[str, Any]:
         if shown
         else [],
         "clear": selection.clear if shown else None,
-        "paper": _paper(decision) if shown else None,
+        "paper": (paper_points(decision) or None) if shown else None,
         "depth": _depth(decision.perception.depth_m),
     }
 
@@ -74,12 +73,7 @@ def _patches(points: NDArray[np.float64], width: int, height: int) -> list[list[
     if not len(points):
         return []
     cell = max(width, height) / 128
-    grid = np.zeros((int(height / cell) + 2, int(width / cell) + 2), np.uint8)
-    columns = np.clip(np.round(points[:, 0] / cell), 0, grid.shape[1] - 1).astype(int)
-    rows = np.clip(np.round(points[:, 1] / cell), 0, grid.shape[0] - 1).astype(int)
-    grid[rows, columns] = 255
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (5, 5))
-    closed = cv2.morphologyEx(grid, cv2.MORPH_CLOSE, kernel)
+    closed = patch(points, cell, (int(height / cell) + 2, int(width / cell) + 2))
     fine = cv2.resize(closed, None, fx=4, fy=4, interpolation=cv2.INTER_LINEAR)
     return _outlines((np.asarray(fine) > 110).astype(np.uint8), cell / 4, cell / 4, 1.0)
 
@@ -95,21 +89,6 @@ def _outlines(
         for edge in edges
         if cv2.contourArea(edge) >= 12
     ]
-
-
-def _paper(decision: Decision) -> dict[str, list[float]] | None:
-    """The published method's three pixels as points of the picture."""
-    camera, evidence = decision.frame.camera, decision.selection.evidence
-    rows, columns = _PAPER_SIZE
-    points = {}
-    for name in ("max", "best", "trigger"):
-        pixel = evidence.get(f"{name}_pixel")
-        if pixel is not None:
-            points[name] = [
-                (pixel[1] + 0.5) * camera.width / columns - 0.5,
-                (pixel[0] + 0.5) * camera.height / rows - 0.5,
-            ]
-    return points or None
 
 
 def _depth(depth: NDArray[np.float32] | None) -> dict[str, Any] | None:
