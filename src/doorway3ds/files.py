@@ -16,7 +16,7 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
     """Writes `data` under a temporary name beside `path`, then renames: a reader, a full disk
     or Ctrl-C never leaves half a file under the final name. Makes the folder if missing.
 
-    Raises UserError where the folder or file cannot be written.
+    Raises UserError if the folder or file cannot be written.
     """
     path = Path(path)
     # Opened exclusively rather than by tempfile, whose files are private to the user.

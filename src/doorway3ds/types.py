@@ -36,7 +36,7 @@ class Reason(StrEnum):
 
     NO_DOOR = "no_door"  # no open doorway is seen
     BLOCKED = "blocked"  # a doorway is seen, and something stands in the way to it
-    UNSURE = "unsure"  # cut by the picture's edge, low score, or too much unseen floor
+    UNSURE = "unsure"  # cut by the image's edge, low score, or too much unseen floor
     ALIGNED = "aligned"  # the robot already faces the doorway
     TURN = "turn"  # turn by `turn_deg`
     LOST = "lost"  # live use: the tracked doorway or the camera is gone
@@ -81,13 +81,13 @@ class Frame:
 
 @dataclass(frozen=True)
 class ColumnVotes:
-    """What a network says of each of N equal strips of columns across the picture.
+    """What a network says of each of N equal strips of columns across the image.
 
     score: (N,) probability that the strip, at mid-height, looks through an open doorway.
     left_px, right_px: (N,) where that doorway begins and ends, as columns of the whole
-    picture at mid-height, if there is one here; clipped to the picture's edges
+    image at mid-height, if there is one here; clipped to the image's edges
     (-0.5 and W - 0.5).
-    clear: (N,) probability that the way to that doorway is free, or None where the network
+    clear: (N,) probability that the way to that doorway is free, or None if the network
     has no opinion. It is weighed against what the depth shows, never taken alone for seen floor.
     """
 
@@ -123,11 +123,11 @@ class Perception:
     >>> Perception(p_open=0.9, network="mine").depth_m is None
     True
 
-    p_open: calibrated probability that an open doorway is in the picture.
-    columns: votes for openings, or None where the network gives none.
-    depth_m: (h, w) float32 metres along the optical axis, covering the whole picture at any
-        size; nan = unknown. None where the network gives none.
-    floor: (h, w) float32 probability of floor, covering the whole picture, or None.
+    p_open: calibrated probability that an open doorway is in the image.
+    columns: votes for openings, or None if the network gives none.
+    depth_m: (h, w) float32 metres along the optical axis, covering the whole image at any
+        size; nan = unknown. None if the network gives none.
+    floor: (h, w) float32 probability of floor, covering the whole image, or None.
     depth_error: relative standard deviation of depth_m; 0 for true depth.
     bearing_error_deg: by how much a doorway's bearing by these columns is off, as measured on
         pictures that the network had not seen (68th percentile); None = not measured.
@@ -159,9 +159,9 @@ class Opening:
     >>> Opening(100.0, 200.0, 12.0, 2.0, 7.0, 2.5, score=0.8, cut=None).bearing_deg
     7.0
 
-    left_px, right_px: its columns at mid-height of the picture.
-    range_m: horizontal distance to the middle of the threshold, None where unknown.
-    cut: side of the picture that cuts it (None, "left", "right", "both"); its bearing is
+    left_px, right_px: its columns at mid-height of the image.
+    range_m: horizontal distance to the middle of the threshold, None if unknown.
+    cut: side of the image that cuts it (None, "left", "right", "both"); its bearing is
         then the middle of the visible part.
     """
 
@@ -185,8 +185,8 @@ class Selection:
     """Where to go by geometry alone, before the gates.
 
     openings: candidates, best first (of `paper`: the one run of equal depth).
-    pixel: (row, column) aimed at, in the picture's pixels, or None.
-    clear: True, False, or None where the floor was not seen at all.
+    pixel: (row, column) aimed at, in the image's pixels, or None.
+    clear: True, False, or None if the floor was not seen at all.
     floor_from_m: horizontal distance from which on the floor is in view, None if not seen.
     unsure: why the geometry would abstain, in words, or None; `look` is then the side to
         look to ("left", "right") or None.
@@ -240,7 +240,7 @@ class Decision:
         return None if self.reason is Reason.NO_DOOR else self.selection.bearing_deg
 
     def to_dict(self, image: str | None = None) -> dict[str, Any]:
-        """Plain values for JSON; `image` is the picture's name as it was given, left out if None.
+        """Plain values for JSON; `image` is the image's name as it was given, left out if None.
 
         Without an open doorway there is no way to speak of: bearing, range, clear and pixel are
         None, and `openings` still lists the candidates.

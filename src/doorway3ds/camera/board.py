@@ -42,12 +42,12 @@ class Board:
     def __post_init__(self) -> None:
         if min(self.columns, self.rows) < 3 or self.square_m <= 0:
             raise UserError(
-                "a board has at least 3x3 corners (chessboard) or squares (ChArUco) of a positive "
-                f"size, got {self.columns}x{self.rows} of {self.square_m * 1e3:g} mm"
+                "a board needs at least 3x3 corners (chessboard) or squares (ChArUco) of a size "
+                f"above 0, got {self.columns}x{self.rows} of {self.square_m * 1e3:g} mm"
             )
         if self.marker_m is not None and not 0 < self.marker_m < self.square_m:
             raise UserError(
-                "a ChArUco marker is smaller than its square, got "
+                "a ChArUco marker must be smaller than its square, got "
                 f"{self.marker_m * 1e3:g} mm in {self.square_m * 1e3:g} mm"
             )
 
@@ -62,7 +62,7 @@ class BoardView:
 
 
 def find_corners(image: NDArray[np.uint8], board: Board) -> tuple[Corners, Corners] | None:
-    """Board points (n, 3) in metres and their pixels (n, 2) in a picture, None without a board.
+    """Board points (n, 3) in metres and their pixels (n, 2) in an image, None without a board.
 
     image: (H, W, 3) uint8 RGB.
     """

@@ -1,4 +1,4 @@
-"""A camera from pictures of a chessboard or ChArUco board, with OpenCV's calibration."""
+"""A camera from images of a chessboard or ChArUco board, with OpenCV's calibration."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _AS_GOOD, _SAME_PX = 1.1, 0.02  # of the best model's held-out error, or this fa
 class Calibration:
     """What `calibrate` found.
 
-    rms_px: reprojection error over all corners. errors_px: the same per used picture, by name.
-    without_board: names of the pictures in which no board was found.
-    coverage: fraction of the picture's area inside the outline of all corners together.
+    rms_px: reprojection error over all corners. errors_px: the same per used image, by name.
+    without_board: names of the images in which no board was found.
+    coverage: fraction of the image's area inside the outline of all corners together.
     held_out_px: by distortion model, the error in views that it was not fitted to; empty if the
         model was given.
     """
@@ -45,12 +45,12 @@ def calibrate(
     name: str,
     model: str | None = None,
 ) -> Calibration:
-    """The camera that took the pictures (name, RGB image as the sensor delivered it), of one size.
+    """The camera that took the images (name, RGB image as the sensor delivered it), of one size.
 
     model: one of `camera.lens.MODELS`; None: the simplest that predicts views that it was not
         fitted to about as well as the best, and that can be undone over the whole image.
 
-    Raises UserError if sizes differ, fewer than three pictures show the board, or the result is no
+    Raises UserError if sizes differ, fewer than three images show the board, or the result is no
     camera.
     """
     size: tuple[int, int] | None = None
@@ -60,8 +60,8 @@ def calibrate(
         height, width = image.shape[:2]
         if size is not None and (width, height) != size:
             raise UserError(
-                f"{picture} is {width}x{height} and the pictures before it {size[0]}x{size[1]}; "
-                "calibrate with pictures of one size"
+                f"{picture} is {width}x{height} and the images before it {size[0]}x{size[1]}; "
+                "calibrate with images of one size"
             )
         size = (width, height)
         found = find_corners(image, board)
@@ -72,7 +72,7 @@ def calibrate(
     if size is None or len(views) < MIN_PICTURES:
         raise UserError(
             f"the board of {board.columns}x{board.rows} was found in {len(views)} of "
-            f"{len(views) + len(without)} pictures, at least {MIN_PICTURES} are needed; check "
+            f"{len(views) + len(without)} images, at least {MIN_PICTURES} are needed; check "
             "--board (a chessboard counts inner corners, ChArUco counts squares) and the light"
         )
     return calibrate_views(views, size, name, model, tuple(without))
@@ -95,8 +95,8 @@ def calibrate_views(
             fits[candidate] = camera
     if not fits:
         raise UserError(
-            "the pictures do not determine a camera; take more, with the board tilted and near "
-            "every corner of the picture"
+            "the images do not determine a camera; take more, with the board tilted and near "
+            "every corner of the image"
         )
     scores = {} if model else {kind: _held_out_error(views, size, kind) for kind in fits}
     camera = fits[_choose(fits, scores)]

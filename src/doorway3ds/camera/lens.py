@@ -157,7 +157,7 @@ class Lens:
 
     @cached_property
     def _end(self) -> _End | None:
-        """Where the model is left; None where it holds over the whole image."""
+        """Where the model is left; None if it holds over the whole image."""
         angles, distorted, slopes = self._profile
         if distorted[-1] >= self.reach:
             return None

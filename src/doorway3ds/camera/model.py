@@ -48,7 +48,7 @@ class Camera:
     def __post_init__(self) -> None:
         if self.width < 1 or self.height < 1:
             raise ValueError(
-                f"a camera's picture has at least 1x1 pixels, got {self.width}x{self.height}"
+                f"a camera's image must have at least 1x1 pixels, got {self.width}x{self.height}"
             )
         count = MODELS.get(self.distortion_model)
         if count is None:
@@ -63,11 +63,11 @@ class Camera:
         values = (self.fx, self.fy, self.cx, self.cy, *coefficients)
         if len(coefficients) != count or not all(math.isfinite(v) for v in values):
             raise ValueError(
-                f"a camera has finite fx, fy, cx, cy and {count} coefficients of "
+                f"a camera needs finite fx, fy, cx, cy and {count} coefficients of "
                 f"{self.distortion_model}, got {values}"
             )
         if self.fx <= 0 or self.fy <= 0:
-            raise ValueError(f"focal lengths are positive, got fx={self.fx}, fy={self.fy}")
+            raise ValueError(f"focal lengths must be positive, got fx={self.fx}, fy={self.fy}")
 
     @classmethod
     def from_fov(
@@ -82,29 +82,29 @@ class Camera:
         """A centred camera without distortion; square pixels unless `vfov_deg` is given."""
         for fov in (hfov_deg, vfov_deg):
             if fov is not None and not 0 < fov < 180:
-                raise UserError(f"a field of view lies between 0 and 180 deg, got {fov:g}")
+                raise UserError(f"a field of view must lie between 0 and 180 deg, got {fov:g}")
         fx = width / 2 / math.tan(math.radians(hfov_deg) / 2)
         fy = fx if vfov_deg is None else height / 2 / math.tan(math.radians(vfov_deg) / 2)
         return cls(name, width, height, fx, fy, (width - 1) / 2, (height - 1) / 2, assumed=assumed)
 
     @property
     def hfov_deg(self) -> float:
-        """Horizontal angle between the picture's left and right edge through (cx, cy)."""
+        """Horizontal angle between the image's left and right edge through (cx, cy)."""
         rays = pixel_to_ray(self, [(-0.5, self.cy), (self.width - 0.5, self.cy)])
         left, right = np.degrees(np.arctan(rays[:, 0]))
         return float(right - left)
 
     @property
     def vfov_deg(self) -> float:
-        """Vertical angle between the picture's upper and lower edge through (cx, cy)."""
+        """Vertical angle between the image's upper and lower edge through (cx, cy)."""
         rays = pixel_to_ray(self, [(self.cx, -0.5), (self.cx, self.height - 0.5)])
         top, bottom = np.degrees(np.arctan(rays[:, 1]))
         return float(bottom - top)
 
     def scaled_to(self, width: int, height: int) -> Camera:
-        """The same camera for its picture resized to another size of the same aspect.
+        """The same camera for its image resized to another size of the same aspect.
 
-        Raises UserError where the aspects differ by more than the rounding of one side.
+        Raises UserError if the aspects differ by more than the rounding of one side.
         """
         off_width = abs(width - self.width * height / self.height)
         off_height = abs(height - self.height * width / self.width)
@@ -116,7 +116,7 @@ class Camera:
         return self.stretched_to(width, height)
 
     def stretched_to(self, width: int, height: int) -> Camera:
-        """The same camera for its picture resized to any size, each axis by its own factor."""
+        """The same camera for its image resized to any size, each axis by its own factor."""
         if (width, height) == (self.width, self.height):
             return self
         sx, sy = width / self.width, height / self.height
@@ -210,7 +210,7 @@ class Pose:
     left_m: float = 0.0
 
     def mirrored(self) -> Pose:
-        """The pose that goes with a picture flipped left to right."""
+        """The pose that goes with an image flipped left to right."""
         return replace(self, yaw_deg=-self.yaw_deg, roll_deg=-self.roll_deg, left_m=-self.left_m)
 
 
@@ -280,7 +280,7 @@ def bearing_of_pixel(
 def grid_rays(camera: Camera, step: int = 1) -> Array:
     """(h, w, 3) camera-frame rays of every `step`-th row and column, the last row included.
 
-    Cached and read-only, as a robot's camera stays the same from picture to picture.
+    Cached and read-only, as a robot's camera stays the same from image to image.
     """
     rows, columns = grid_pixels(camera.width, camera.height, step)
     x, y = np.meshgrid(columns, rows)
@@ -297,7 +297,7 @@ def grid_pixels(width: int, height: int, step: int) -> tuple[NDArray[np.intp], N
 def back_project(camera: Camera, pose: Pose, depth: ArrayLike) -> Array:
     """Points (h, w, 3) in the robot frame from depth (h, w) in metres along the optical axis.
 
-    The map covers the camera's whole picture at any size. Where the pose's height is unknown, z
+    The map covers the camera's whole image at any size. Where the pose's height is unknown, z
     counts from the lens instead of the floor. nan stays nan.
     """
     depth = np.asarray(depth, dtype=np.float64)

@@ -1,6 +1,6 @@
 """Cameras of known robots, and where they sit on them.
 
-Fields of view of the presets, each of a 640x480 picture:
+Fields of view of the presets, each of a 640x480 image:
 
 - NAO V4/V5 (MT9M114): 60.9 x 47.6 deg, top camera 0.05871 m in front of and 0.06364 m above
   the neck joint, tilted 0.0209 rad down.
@@ -34,7 +34,7 @@ PRESETS: dict[str, tuple[Camera, Pose]] = {
 
 
 def preset(name: str, width: int, height: int) -> tuple[Camera, Pose]:
-    """The preset's camera for a picture of this size, and its pose with the head at zero."""
+    """The preset's camera for an image of this size, and its pose with the head at zero."""
     if name not in PRESETS:
         raise UserError(f"no camera preset '{name}'; there are {', '.join(sorted(PRESETS))}")
     camera, pose = PRESETS[name]

@@ -59,7 +59,7 @@ class BoardOptions(Options):
 
         size = re.fullmatch(r"(\d+)x(\d+)", self.board)
         if size is None:
-            raise CallError(f"--board is columns x rows, as in 9x6, got '{self.board}'")
+            raise CallError(f"--board must be columns x rows, as in 9x6, got '{self.board}'")
         if not self.charuco and self.marker_mm is not None:
             raise CallError("--marker-mm belongs to a ChArUco board; add --charuco")
         marker_mm = 0.75 * self.square_mm if self.marker_mm is None else self.marker_mm
@@ -332,15 +332,15 @@ def _report(found: Calibration, out: Path) -> None:
         scores = ", ".join(f"{kind} {px:.3f} px" for kind, px in found.held_out_px.items())
         typer.echo(f"{camera.distortion_model} chosen; error in held-out views: {scores}")
     typer.echo(
-        f"reprojection error {found.rms_px:.3f} px over {len(found.errors_px)} pictures; "
+        f"reprojection error {found.rms_px:.3f} px over {len(found.errors_px)} images; "
         f"fx {camera.fx:.1f} fy {camera.fy:.1f} cx {camera.cx:.1f} cy {camera.cy:.1f}, "
         f"field of view {camera.hfov_deg:.1f} x {camera.vfov_deg:.1f} deg"
     )
     if found.rms_px > GOOD_RMS_PX * max(1.0, camera.width / 640):
-        complain("the error is large; leave out the worst pictures, keep the board flat and still")
+        complain("the error is large; leave out the worst images and keep the board flat and still")
     if found.coverage < GOOD_COVERAGE:
         complain(
-            f"the board covers {found.coverage:.0%} of the picture over all pictures; "
+            f"the board covers {found.coverage:.0%} of the image over all images; "
             "show it near the corners too, where lenses distort most"
         )
     typer.echo(f"wrote {out}")

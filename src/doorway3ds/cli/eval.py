@@ -1,4 +1,4 @@
-"""`3ds eval`: measure methods and networks on marked pictures."""
+"""`3ds eval`: measure methods and networks on marked images."""
 
 from __future__ import annotations
 

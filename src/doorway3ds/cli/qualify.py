@@ -107,7 +107,7 @@ def qualify(
             return
         parts = part(pictures, hold_out, seed)
         say(
-            f"{len(pictures.samples)} pictures, {len(set(pictures.groups))} places by "
+            f"{len(pictures.samples)} images, {len(set(pictures.groups))} places by "
             f"{pictures.grouping}: learns from {len(parts.learn)}, chooses by "
             f"{len(parts.inner)}, judges by {len(parts.held)}; left out: "
             f"{len(pictures.left_out)}; near-copies across the split: {parts.leaks}"

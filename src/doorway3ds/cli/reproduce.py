@@ -131,7 +131,7 @@ def _answers(folder: Path, network: str, options: LensOptions, threads: int | No
 
 
 def _of_classes(found: DoorPictures) -> str:
-    """ "3 no-door and 3 open-door pictures, 6 groups by near-duplicates"."""
+    """ "3 no-door and 3 open-door images, 6 groups by near-duplicates"."""
     labels = found.labels
     counts = " and ".join(f"{labels.count(name)} {name}" for name in sorted(set(labels)))
     return f"{counts} pictures, {len(set(found.groups))} groups by {found.grouping}"

@@ -225,7 +225,7 @@ def _facts(dataset: Path, running: FileOptions) -> dict[str, Any]:
 
 def _read(found: Pictures) -> str:
     count = len(set(found.groups))
-    return f"{len(found.samples)} pictures, {count} groups by {found.grouping}"
+    return f"{len(found.samples)} images, {count} groups by {found.grouping}"
 
 
 def _finish(name: str, out: Path, card: dict[str, Any], said: str, install: bool) -> None:

@@ -15,7 +15,7 @@ class Gates:
     open_from: p_open from which on a doorway is open.
     aligned_deg: a bearing of at most this needs no turn.
     max_unseen_m: floor must come into view at this distance or nearer; None accepts whatever
-        the picture's lower edge hides.
+        the image's lower edge hides.
     """
 
     open_from: float = 0.5

@@ -1,7 +1,7 @@
 """The `opening` method: from opening columns, depth and floor to where to turn.
 
 An opening's bearing is the ray through the pixel at the middle of its two columns at the
-picture's mid-height, by the camera's calibration and pose, about the robot's turning axis.
+image's mid-height, by the camera's calibration and pose, about the robot's turning axis.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class OpeningParams:
     min_score: a strip below it is no candidate.
     sure_score: below it the best opening is only a guess: unsure.
     same_iou: strips whose spans overlap by more belong to one opening.
-    edge_fraction: of the picture's width within which an edge counts as cut by the picture.
+    edge_fraction: of the image's width within which an edge counts as cut by the image.
     face_margin_deg: turned by a cut opening's bearing, the robot's side must clear the visible
         jamb by this much.
     assumed_range_m: for that check, where the range is unknown.
@@ -104,7 +104,7 @@ def select_opening(
     params = params or OpeningParams()
     if perception.columns is None:
         return Selection(
-            None, None, None, None, unsure=f"{perception.network} gives no opening columns"
+            None, None, None, None, unsure=f"{perception.network} returns no opening columns"
         )
     scene = build_scene(perception, frame, params.floor)
     spans = decode_columns(
@@ -142,7 +142,7 @@ def way_below(
     range_m: float | None,
     params: OpeningParams | None = None,
 ) -> bool | None:
-    """Whether a way is free in a picture taken with the head down along it; None: unknown."""
+    """Whether a way is free in an image taken with the head down along it; None: unknown."""
     params = params or OpeningParams()
     scene = build_scene(perception, frame, params.floor)
     if scene is None:
@@ -188,8 +188,8 @@ def _opening(
 def _passing_bearing(best: Opening, params: OpeningParams) -> float:
     """The bearing nearest to the opening's own at which the robot passes its visible jamb.
 
-    It differs from the opening's own only where the picture cuts it: the doorway goes on beyond
-    the picture's edge, so the visible middle may lie too near the one jamb in view.
+    It differs from the opening's own only where the image cuts it: the doorway goes on beyond
+    the image's edge, so the visible middle may lie too near the one jamb in view.
     """
     if best.cut not in ("left", "right"):
         return best.bearing_deg
@@ -206,7 +206,7 @@ def _doubt(
 ) -> tuple[str | None, str | None]:
     """Why the best opening's bearing should not be acted on, and the side to look to."""
     if passing_deg != best.bearing_deg:
-        return f"the opening is cut by the picture's {best.cut} edge", best.cut
+        return f"the opening is cut by the image's {best.cut} edge", best.cut
     if best.score < params.sure_score:
         side = "left" if best.bearing_deg > 0 else "right"
         return f"the best opening scores only {best.score:.2f}", side

@@ -122,7 +122,7 @@ def select_paper(perception: Perception, frame: Frame) -> Selection:
 
     What it lists as an opening is the run of equal depth whose middle is the Best-Pixel. The
     range is sqrt(X^2 + Z^2) with X = Z tan(theta), a pinhole formula on a linear angle, as
-    published. Raises UserError where the perception has no depth.
+    published. Raises UserError if the perception has no depth.
     """
     if perception.depth_m is None:
         raise UserError(

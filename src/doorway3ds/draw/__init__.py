@@ -1,4 +1,4 @@
-"""Annotated pictures: `annotate` composes a page, `overlay` marks the photograph itself."""
+"""Annotated images: `annotate` composes a page, `overlay` marks the photograph itself."""
 
 from doorway3ds.draw.page import annotate, overlay
 

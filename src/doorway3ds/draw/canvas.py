@@ -45,7 +45,7 @@ class View:
     """The photograph on its way to being marked.
 
     canvas: (h, w, 3) uint8 RGB, painted in place.
-    size: (width, height) of the picture whose coordinates are drawn.
+    size: (width, height) of the image whose coordinates are drawn.
     unit: thickness of a thin line in canvas pixels; all else is a multiple of it.
     taken: where labels already stand.
     """
@@ -70,7 +70,7 @@ class View:
         return (row + 0.5) * self.height / self.size[1] - 0.5
 
     def points(self, xy: ArrayLike) -> NDArray[np.float64]:
-        """(n, 2) canvas points of picture points (n, 2); those that are not finite are left out."""
+        """(n, 2) canvas points of image points (n, 2); those that are not finite are left out."""
         array: NDArray[np.float64] = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
         array = array[np.isfinite(array).all(axis=1)]
         scale = np.array([self.width / self.size[0], self.height / self.size[1]])

@@ -48,7 +48,7 @@ def legend_items(decision: Decision) -> list[tuple[str, str]]:
 
 
 def _in_picture(decision: Decision, outline: NDArray[np.float64]) -> bool:
-    """Whether the box round an outline in picture points reaches into the picture."""
+    """Whether the box round an outline in image points reaches into the image."""
     if len(outline) < 3:
         return False
     low, high = np.nanmin(outline, axis=0), np.nanmax(outline, axis=0)

@@ -1,4 +1,4 @@
-"""Annotated pictures: `annotate` composes a page, `overlay` marks the photograph itself."""
+"""Annotated images: `annotate` composes a page, `overlay` marks the photograph itself."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def annotate(decision: Decision, width: int = DESIGN_WIDTH, faint: bool = False)
     """
     if width < _SMALLEST_WIDTH:
         raise ValueError(
-            f"an annotated picture is at least {_SMALLEST_WIDTH} pixels wide, got {width}"
+            f"an annotated image is at least {_SMALLEST_WIDTH} pixels wide, got {width}"
         )
     decision = decision if faint else without_faint(decision)
     page = _Page(width)

@@ -65,7 +65,7 @@ def _fine(width: int, height: int, paint: Callable[[Image], None], ground: Color
 
 
 def field_of_view(decision: Decision) -> tuple[float, float]:
-    """Bearings in degrees of the picture's left and right edge at mid-height."""
+    """Bearings in degrees of the image's left and right edge at mid-height."""
     camera, pose = decision.frame.camera, decision.frame.pose
     row = (camera.height - 1) / 2
     edges = bearing_of_pixel(camera, pose, [(-0.5, row), (camera.width - 0.5, row)])
@@ -216,7 +216,7 @@ def depth_limit(depth: NDArray[np.float32]) -> float | None:
 
 
 def depth_colors(depth: NDArray[np.float32], limit: float, width: int, height: int) -> Image:
-    """Depth (h, w) in metres as a (height, width) picture: dark is near, yellow far, striped
+    """Depth (h, w) in metres as a (height, width) image: dark is near, yellow far, striped
     grey unknown."""
     known = np.isfinite(depth)
     shrink = depth.shape[0] > height and depth.shape[1] > width

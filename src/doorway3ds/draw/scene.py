@@ -40,7 +40,7 @@ FAINT = 0.1  # score below which a candidate is noise to a person who looks
 
 
 def paint_floor(view: View, floor: NDArray[Any]) -> None:
-    """Tint what the network takes for floor; `floor` (h, w) probability over the whole picture."""
+    """Tint what the network takes for floor; `floor` (h, w) probability over the whole image."""
     grey = np.nan_to_num(np.clip(floor, 0, 1) * 255).astype(np.uint8)
     if min(grey.shape) > 8:
         grey = np.asarray(cv2.GaussianBlur(grey, (3, 3), 0), np.uint8)
@@ -85,7 +85,7 @@ def _hatch(view: View, mask: NDArray[np.uint8], color: Color) -> None:
 
 
 def paint_obstacle(view: View, obstacle: ArrayLike) -> None:
-    """Mark the picture points (n, 2) that stand in the way, as one outlined patch."""
+    """Mark the image points (n, 2) that stand in the way, as one outlined patch."""
     points = view.points(obstacle)
     if len(points) == 0:
         return
@@ -170,7 +170,7 @@ def evidence_points(decision: Decision, key: str) -> NDArray[np.float64]:
 def paint_best(
     view: View, opening: Opening, bottom: float, color: Color = AZURE, shade: bool = True
 ) -> None:
-    """Two jambs; a side cut by the picture's edge has none: rails and arrows lead out of it."""
+    """Two jambs; a side cut by the image's edge has none: rails and arrows lead out of it."""
     left, right = view.x(opening.left_px), view.x(opening.right_px)
     top = 0.07 * view.height
     if shade:

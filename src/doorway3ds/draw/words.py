@@ -1,4 +1,4 @@
-"""A decision in words: headline, sentence and facts, as pictures and pages show them."""
+"""A decision in words: headline, sentence and facts, as images and pages show them."""
 
 from __future__ import annotations
 

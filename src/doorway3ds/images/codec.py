@@ -1,4 +1,4 @@
-"""Any picture file to (H, W, 3) uint8 RGB, and back to a file."""
+"""Any image file to (H, W, 3) uint8 RGB, and back to a file."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SUFFIXES = frozenset(
 
 @dataclass(frozen=True)
 class Picture:
-    """A decoded picture.
+    """A decoded image.
 
     image: (H, W, 3) uint8 RGB, turned upright as its EXIF orientation says.
     focal_35mm: EXIF focal length as on 35 mm film, in millimetres, or None.

@@ -30,8 +30,8 @@ def require_film(path: Path | None) -> None:
 class Film:
     """Writes under a temporary name; the film stands under its own once it is closed.
 
-    Each picture stays until the next one's time, 2 s at most, so that the film runs as fast as
-    what it shows. The first picture sets the size; others are scaled into it.
+    Each image stays until the next one's time, 2 s at most, so that the film runs as fast as
+    what it shows. The first image sets the size; others are scaled into it.
     """
 
     def __init__(self, path: Path, fps: float | None) -> None:
@@ -58,7 +58,7 @@ class Film:
         self._last_s = stamp_s
 
     def close(self) -> None:
-        """Finishes the file. Raises UserError where it could not be written."""
+        """Finishes the file. Raises UserError if it could not be written."""
         if self._writer is None:
             return
         self._show_last(1 / self._fps)

@@ -68,7 +68,7 @@ class Feed(Generic[T]):
         return self._silent
 
     def read(self, timeout_s: float | None = None) -> T | None:
-        """The next result; None where none came within `timeout_s` seconds, or when `ended`.
+        """The next result; None if none came within `timeout_s` seconds, or when `ended`.
 
         Raises, in its turn, what the source or `see` raised. After a UserError that did not end
         the source, further results come.
@@ -102,7 +102,7 @@ class Feed(Generic[T]):
 class _Ahead(Generic[T]):
     """Calls `step` in a thread, one result ahead of who reads them.
 
-    step: is given seconds to wait; None where there is nothing yet. over: whether it has no more.
+    step: is given seconds to wait; None if there is nothing yet. over: whether it has no more.
     """
 
     def __init__(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-_SUREST = 3.0  # logit; one picture is never taken for more (p = 0.95)
+_SUREST = 3.0  # logit; one image is never taken for more (p = 0.95)
 _STRAY_SDS = 3.0
 
 
@@ -12,7 +12,7 @@ class Belief:
     """Bayes filter on a fact that may change: a two-state hidden Markov model.
 
     change_per_s: rate at which the fact changes either way; the belief decays to 0.5 by it.
-    shared_s: evidence nearer in time than this is largely the same evidence, because pictures
+    shared_s: evidence nearer in time than this is largely the same evidence, because images
         err alike, and counts accordingly: the filter does not depend on the frame rate.
     """
 

@@ -1,6 +1,6 @@
 """What runs a network: one ONNX Runtime session class, one adapter per network, a registry.
 
-An adapter is a `Network`: it takes a picture and its camera and returns a `Perception` that
+An adapter is a `Network`: it takes an image and its camera and returns a `Perception` that
 holds what the network gives and None (p_open: nan) for what it does not.
 """
 

@@ -34,7 +34,7 @@ class Network(Protocol):
 
 
 class Joined:
-    """Networks that look at the same picture; what a later one gives replaces an earlier's.
+    """Networks that look at the same image; what a later one gives replaces an earlier's.
 
     `cnn-srin+densedepth` is the paper's pair; `doornet+densedepth` is doornet with another depth.
     Relative depth is a depth, too: it replaces an earlier one's, and joined with a floor it

@@ -2,7 +2,7 @@
 
 A network's own p_open is a chance. Where one error costs more than the other, its odds times the
 ratio of the costs are to be compared with 1 (Elkan, "The foundations of cost-sensitive learning",
-IJCAI 2001). The ratio depends on how near the picture is: seen from afar a doorway that is missed
+IJCAI 2001). The ratio depends on how near the image is: seen from afar a doorway that is missed
 costs the way on, and a false one another look; a closed door that is taken for a doorway at arm's
 length is walked into.
 """
@@ -25,7 +25,7 @@ class Costs:
 
     missed: of a doorway that is missed, against one that is none, `far_m` away or farther.
     false_near: of a doorway that is none, against one that is missed, `near_m` away or nearer.
-    near_m, far_m: median depth of the picture; between them the costs' logarithms go over into
+    near_m, far_m: median depth of the image; between them the costs' logarithms go over into
         each other in proportion to its logarithm.
 
     Raises UserError for costs that are not above 0 or distances that do not rise.
@@ -45,9 +45,9 @@ class Costs:
 
 
 def weigh(p_open: float, depth_m: NDArray[np.floating[Any]], costs: Costs) -> float:
-    """p_open with its odds weighed by what errors cost in a picture of this depth.
+    """p_open with its odds weighed by what errors cost in an image of this depth.
 
-    depth_m: (h, w) metres, nan where unknown; a picture without any counts as far.
+    depth_m: (h, w) metres, nan where unknown; an image without any counts as far.
     """
     known = depth_m[np.isfinite(depth_m)]
     median_m = float(np.median(known)) if known.size else costs.far_m

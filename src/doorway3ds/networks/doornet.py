@@ -2,7 +2,7 @@
 
 The file (ONNX, metadata JSON under "doorway3ds") takes "image", float32 (1, 3, h, w) RGB 0..255,
 h and w open multiples of 32, and gives
-- "p_open" (1,): logit that an open doorway is in the picture, temperature scaling included;
+- "p_open" (1,): logit that an open doorway is in the image, temperature scaling included;
 - "score", "left", "right" (1, N): for each of N equal strips of columns the logit that it looks
   through an open doorway, and the distances from the strip's centre to that doorway's left and
   right edge as fractions of w;
@@ -36,12 +36,12 @@ from doorway3ds.types import ColumnVotes, Perception
 
 PIXELS = 192 * 256
 MULTIPLE = 32
-MAX_ASPECT = 2.0  # wider or taller pictures are padded: training saw nothing longer
+MAX_ASPECT = 2.0  # wider or taller images are padded: training saw nothing longer
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Where a picture lies on the network's input of `height` x `width` pixels."""
+    """Where an image lies on the network's input of `height` x `width` pixels."""
 
     width: int
     height: int
@@ -52,9 +52,9 @@ class Placement:
 
 
 def place(width: int, height: int, pixels: int = PIXELS, multiple: int = MULTIPLE) -> Placement:
-    """The input for a picture of width x height: about `pixels`, of its aspect, sides multiples.
+    """The input for an image of width x height: about `pixels`, of its aspect, sides multiples.
 
-    4:3 becomes 256x192, 16:9 288x160. Beyond 1:2 and 2:1 the picture keeps its aspect and lies
+    4:3 becomes 256x192, 16:9 288x160. Beyond 1:2 and 2:1 the image keeps its aspect and lies
     in the middle.
     """
     aspect = width / height
@@ -144,8 +144,8 @@ class DoorNet(OnnxNetwork):
         if len(shapes) != 1 or len(shape) != 2 or shape[0] != 1:
             raise self.session.misfit(", ".join(names), "of one shape (1, N)", shapes)
         count = shape[1]
-        # The picture's own strips, each answered by the input's strip under its centre:
-        # the same strips but for padded pictures.
+        # The image's own strips, each answered by the input's strip under its centre:
+        # the same strips but for padded images.
         centre = at.left + (np.arange(count) + 0.5) / count * at.content_width
         strip = np.minimum((centre / at.width * count).astype(int), count - 1)
         voted = (strip + 0.5) / count * at.width

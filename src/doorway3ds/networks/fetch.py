@@ -22,7 +22,7 @@ def fetch(
     url, sha256: default: the registry's own, where it has them. A file of the hub stays in the
     hub's cache.
 
-    Raises CallError where there is nothing to fetch or no checksum to hold it to; UserError
+    Raises CallError if there is nothing to fetch or no checksum to hold it to; UserError
     where the address does not answer, or what came is not what was asked for.
     """
     model = find(name)

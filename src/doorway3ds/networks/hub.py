@@ -23,7 +23,7 @@ class HubFile:
 
 
 def cached(wanted: HubFile) -> Path | None:
-    """Where the file lies in the cache, without any network; None where it does not."""
+    """Where the file lies in the cache, without any network; None if it does not."""
     try:
         from huggingface_hub import try_to_load_from_cache
     except ImportError:

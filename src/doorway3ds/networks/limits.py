@@ -19,7 +19,7 @@ def override(defaults: Params, values: Mapping[str, Any]) -> Params:
     if not is_dataclass(defaults) or isinstance(defaults, type):
         raise TypeError(f"expected a dataclass instance, got {defaults!r}")
     if not isinstance(values, Mapping):
-        raise UserError(f"{type(defaults).__name__} is an object of limits, got {values!r}")
+        raise UserError(f"{type(defaults).__name__} must be an object of limits, got {values!r}")
     known = {field.name: getattr(defaults, field.name) for field in fields(defaults)}
     new: dict[str, Any] = {}
     for name, value in values.items():
@@ -28,10 +28,10 @@ def override(defaults: Params, values: Mapping[str, Any]) -> Params:
             raise UserError(f"{kind} has no limit '{name}'; it has {', '.join(known)}")
         if is_dataclass(known[name]):
             if not isinstance(value, Mapping):
-                raise UserError(f"limit '{name}' is an object of limits, got {value!r}")
+                raise UserError(f"limit '{name}' must be an object of limits, got {value!r}")
             new[name] = override(known[name], value)
         elif value is None or (isinstance(value, (int, float)) and not isinstance(value, bool)):
             new[name] = value
         else:
-            raise UserError(f"limit '{name}' is a number, got {value!r}")
+            raise UserError(f"limit '{name}' must be a number, got {value!r}")
     return replace(defaults, **new)

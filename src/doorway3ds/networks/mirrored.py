@@ -1,4 +1,4 @@
-"""Two mirrorings of the picture seen by one network, averaged: steadier, at twice the time."""
+"""Two mirrorings of the image seen by one network, averaged: steadier, at twice the time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SURE = 1e-6  # probabilities stay this far from 0 and 1, so that logits stay fi
 
 
 class Mirrored:
-    """A network that looks at the picture and at its mirror image, as one network.
+    """A network that looks at the image and at its mirror image, as one network.
 
     Probabilities are averaged as logits, depth as its logarithm, edges by each look's score;
     depth that only one of the two looks knows is kept.
@@ -52,7 +52,7 @@ class Mirrored:
 
 
 def _turned_back(seen: Perception, width: int) -> Perception:
-    """What was seen in a mirror image of `width` columns, in the picture's own columns."""
+    """What was seen in a mirror image of `width` columns, in the image's own columns."""
     columns, relative = seen.columns, seen.relative
     if columns is not None:
         columns = replace(

@@ -52,7 +52,7 @@ class Model:
         return folder / f"{self.name}.onnx"
 
     def found(self) -> Path | None:
-        """Where the file lies, in the hub's cache if not at `path`; None where it is missing."""
+        """Where the file lies, in the hub's cache if not at `path`; None if it is missing."""
         if self.path.is_file():
             return self.path
         return None if self.hub is None else hub.cached(self.hub)
@@ -92,7 +92,7 @@ MODELS: Mapping[str, Model] = {
             gives=("p_open",),
             contract="RGB 0..255, 1x224x224x3 or 1x3x224x224",
             make="`3ds train cnn-srin DATASET`, " + _FILE_OPTIONS.format("cnn-srin"),
-            licence="of its training pictures",
+            licence="of its training images",
         ),
         Model(
             name="densedepth",
@@ -100,7 +100,7 @@ MODELS: Mapping[str, Model] = {
             gives=("depth",),
             contract="RGB 0..1, 1x480x640x3 or 1x3x480x640",
             make="`3ds train densedepth DATASET`, " + _FILE_OPTIONS.format("densedepth"),
-            licence="of its training pictures",
+            licence="of its training images",
         ),
         Model(
             name=presets.METRIC,
@@ -154,7 +154,7 @@ def find(name: str) -> Model:
 def read_card(path: Path) -> Card:
     """The card beside the ONNX file `path`; an empty one where there is none.
 
-    Raises UserError where there are two, or the card is no mapping.
+    Raises UserError if there are two, or the card is no mapping.
     """
     import yaml
 

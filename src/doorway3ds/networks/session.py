@@ -47,7 +47,7 @@ def available_providers() -> list[str]:
 
 
 class Session:
-    """An ONNX file that takes one float32 picture and gives named float32 arrays.
+    """An ONNX file that takes one float32 image and gives named float32 arrays.
 
     path: the ONNX file.
     shapes: layouts allowed for the input "image"; a file may leave a fixed size open, too.
@@ -107,9 +107,9 @@ class Session:
         )
 
     def run(self, image: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:
-        """The outputs by name for one picture of this session's layout.
+        """The outputs by name for one image of this session's layout.
 
-        Raises UserError where the network fails on it or gives values that are not finite.
+        Raises UserError if the network fails on it or gives values that are not finite.
         """
         try:
             values = self._session.run(list(self.outputs), {self._input: image})
@@ -132,7 +132,7 @@ class Session:
 
 
 def verify(path: Path, sha256: str | None) -> None:
-    """UserError where the file is missing or its digest is not `sha256`."""
+    """UserError if the file is missing or its digest is not `sha256`."""
     if not path.is_file():
         raise UserError(f"no network file {path}")
     if sha256 is not None and (found := digest(path)) != sha256:
@@ -160,7 +160,7 @@ class Signature:
 
 
 def signature(path: Path) -> Signature:
-    """Of any ONNX file; UserError where it is damaged."""
+    """Of any ONNX file; UserError if it is damaged."""
     session = _open(path, 1, ["CPUExecutionProvider"], optimise=False)
     return Signature(
         {

@@ -56,7 +56,7 @@ class RobotPose:
 
 @dataclass(frozen=True)
 class TurnResult:
-    """One turn. turned_deg: by odometry, None where it could not be read afterwards."""
+    """One turn. turned_deg: by odometry, None if it could not be read afterwards."""
 
     asked_deg: float
     turned_deg: float | None
@@ -69,7 +69,7 @@ class Limits:
     """What no caller can exceed.
 
     max_turn_deg: of one turn. max_turns, max_total_deg: of one run, over all turns.
-    ttl_s: a decision older than this, counted from its picture's exposure, moves nothing.
+    ttl_s: a decision older than this, counted from its image's exposure, moves nothing.
     turn_timeout_s: a turn that takes longer is stopped.
     """
 
@@ -114,7 +114,7 @@ class Robot(Protocol):
     def aim(self, yaw_deg: float, pitch_deg: float) -> tuple[float, float] | None:
         """Turns the head, + left and + up, as far as it goes; returns when it is there.
 
-        Gives where the head was before, None where there is no head to turn.
+        Returns where the head was before, None if there is no head to turn.
         """
         ...
 
@@ -193,11 +193,11 @@ class Driver:
         return max(-self.limits.max_turn_deg, min(self.limits.max_turn_deg, theta_deg))
 
     def age_s(self, stamp_s: float) -> float:
-        """Age of a decision on a picture of that stamp."""
+        """Age of a decision on an image of that stamp."""
         return self._clock() - stamp_s
 
     def turn(self, theta_deg: float, stamp_s: float) -> TurnResult:
-        """Turns for a decision whose picture was taken at `stamp_s`.
+        """Turns for a decision whose image was taken at `stamp_s`.
 
         Raises Refused, before anything moves, for an angle that is no number or too large, a
         decision that is too old or from the future, a run that has turned enough, or a robot
@@ -206,16 +206,17 @@ class Driver:
         limits = self.limits
         if not math.isfinite(theta_deg) or abs(theta_deg) > limits.max_turn_deg + 1e-9:
             raise Refused(
-                f"a turn is a number within {limits.max_turn_deg:g} deg, got {theta_deg:g}"
+                f"turn angle must be finite and at most {limits.max_turn_deg:g} degrees, got "
+                f"{theta_deg:g}"
             )
         if not self.move:
             return TurnResult(theta_deg, 0.0, TurnEnd.DRY, 0.0)
         if self._halted is not None:
-            raise Refused(f"the robot is halted ({self._halted}): look after it, then start anew")
+            raise Refused(f"the robot is halted ({self._halted}): look after it, then start again")
         age = self.age_s(stamp_s)
         if not 0 <= age <= limits.ttl_s:
             raise Refused(
-                f"the decision is {age:.2f} s old; it may be from 0 to {limits.ttl_s:g} s"
+                f"the decision is {age:.2f} s old; it must be from 0 to {limits.ttl_s:g} s old"
             )
         if self.turns >= limits.max_turns or self.total_deg + abs(theta_deg) > limits.max_total_deg:
             raise Refused(

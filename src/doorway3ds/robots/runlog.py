@@ -1,4 +1,4 @@
-"""The log of a run: one JSON object a line, each line whole, and the pictures that were decided on.
+"""The log of a run: one JSON object a line, each line whole, and the images that were decided on.
 
     start   method, network, gates, limits, source, robot, version
     look    step, image, camera, pose, stamp_s, expected_deg, decision, action
@@ -6,7 +6,7 @@
     turn    step, asked_deg, turned_deg, end, took_s
     end     outcome, turns, took_s
 
-Pictures are PNG, so that the same decision can be made again; `t_s` counts from the start.
+Images are PNG, so that the same decision can be made again; `t_s` counts from the start.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class RunLog:
     def look(
         self, step: int, decision: Decision, action: str, expected_deg: float | None = None
     ) -> None:
-        """A picture, what was decided on it, and what follows from that.
+        """An image, what was decided on it, and what follows from that.
 
         expected_deg: where the doorway that is followed should have been.
         """
@@ -95,7 +95,7 @@ class RunLog:
         )  # fmt: skip
 
     def down(self, step: int, frame: Frame, way: Selection, clear: bool | None) -> None:
-        """A picture taken with the head down along a way, and whether it shows it free."""
+        """An image taken with the head down along a way, and whether it shows it free."""
         if self.folder is None:
             return
         self.write(
@@ -131,7 +131,7 @@ def _taken(frame: Frame) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Look:
-    """One look of a recorded run. perception: None where the network is to be asked again."""
+    """One look of a recorded run. perception: None if the network is to be asked again."""
 
     step: int
     frame: Frame
@@ -142,7 +142,7 @@ class Look:
 
 
 def read_log(folder: Path) -> list[dict[str, Any]]:
-    """The events of a run; UserError where there is none, or a line is no whole event."""
+    """The events of a run; UserError if there is none, or a line is no whole event."""
     path = folder / LOG
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
@@ -166,7 +166,7 @@ def read_log(folder: Path) -> list[dict[str, Any]]:
 
 
 def looks(folder: Path, events: list[dict[str, Any]]) -> Iterator[Look]:
-    """The looks of a run with their pictures."""
+    """The looks of a run with their images."""
     for event in events:
         if event["event"] != "look":
             continue

@@ -24,18 +24,18 @@ if TYPE_CHECKING:
 CameraFor = FitCamera
 
 PoseOf = Callable[["Pose | None"], Pose]
-"""The pose of a picture, given the one that the source measured for it, if it did."""
+"""The pose of an image, given the one that the source measured for it, if it did."""
 
 
 class SourceLost(UserError):
-    """A source that gave pictures, or should have, is gone for good."""
+    """A source that gave images, or should have, is gone for good."""
 
 
 @dataclass(frozen=True)
 class View:
     """The camera and pose that the user gave, and what holds without them.
 
-    camera: scaled to each picture's size (UserError for another aspect), or a function that gives
+    camera: scaled to each image's size (UserError for another aspect), or a function that gives
         it; outranks the camera a source knows of itself. pose: likewise; a function may keep what
         the source measured.
     """
@@ -94,16 +94,16 @@ class Source(ABC):
     ...         print(pipeline(frame).turn_deg)
 
     name: the URI without its password.
-    fps: pictures a second, where that is known.
+    fps: images a second, where that is known.
     live: frames come when the world gives them; only the newest is kept.
     skipped: frames that came and were not handed out.
-    damaged: pictures that could not be decoded.
+    damaged: images that could not be decoded.
     reconnects: how often the connection was made again.
     frame_name: what the last frame is called: a file of a folder, else `name`.
     problem: why no image arrives at the moment, in words, or None.
     ended: no further frame will come.
     truth: a network that makes no mistakes about the last frame, if a source has one.
-    notice: called with one line for each picture left out and each change of the connection,
+    notice: called with one line for each image left out and each change of the connection,
         perhaps from another thread.
 
     Frames' stamps are `time.monotonic()` for live sources, the time in the film for others.
@@ -125,10 +125,10 @@ class Source(ABC):
 
     @abstractmethod
     def read(self, timeout_s: float | None = None) -> Frame | None:
-        """The next frame; None where none came within `timeout_s` seconds, or when `ended`.
+        """The next frame; None if none came within `timeout_s` seconds, or when `ended`.
 
-        Pictures that cannot be used are left out and counted. Raises SourceLost when the source
-        is gone, UserError where nothing of it could be used.
+        Images that cannot be used are left out and counted. Raises SourceLost if the source
+        is gone, UserError if nothing of it could be used.
         """
 
     @abstractmethod
@@ -158,7 +158,7 @@ def _ignore(line: str) -> None:
 
 @dataclass(frozen=True)
 class Shot:
-    """What a capture gives: a picture as it came, and what the device knows about it.
+    """What a capture gives: an image as it came, and what the device knows about it.
 
     image: (H, W, 3) uint8 RGB, or the bytes of an image file, decoded only if it is used.
     stamp_s: `time.monotonic()` at exposure, or at arrival where that is unknown.
@@ -176,9 +176,9 @@ class Capture(Protocol):
     """One connection to a device or stream; `LiveSource` reads it in a thread of its own."""
 
     def read(self) -> Shot | None:
-        """The next picture, waited for a few seconds at most; None where none came.
+        """The next image, waited for a few seconds at most; None if none came.
 
-        Raises OSError or UserError where the connection is lost.
+        Raises OSError or UserError if the connection is lost.
         """
 
     def close(self) -> None:

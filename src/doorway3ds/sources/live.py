@@ -1,4 +1,4 @@
-"""Live sources: a thread reads, only the newest picture is kept, lost connections come back."""
+"""Live sources: a thread reads, only the newest image is kept, lost connections come back."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class LiveSource(Source):
     """Frames from a camera or stream that goes on whether or not anybody looks.
 
     connect: makes the connection; called once at once, whose error is the caller's, and again
-        after each loss, with waits that double from 0.25 to 8 s until a picture comes.
-    patience_s: SourceLost after this long without a picture; None: never.
+        after each loss, with waits that double from 0.25 to 8 s until an image comes.
+    patience_s: SourceLost after this long without an image; None: never.
     stall_s: a connection that gives no image for this long counts as lost.
     """
 

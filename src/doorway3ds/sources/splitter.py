@@ -1,7 +1,7 @@
 """Cuts a stream of bytes into the image files that follow each other in it.
 
 JPEG and PNG are followed through their own structure (ITU-T T.81 annex B, PNG 5.3), so that what
-stands between pictures, such as the headers of a multipart stream, needs no agreement.
+stands between images, such as the headers of a multipart stream, needs no agreement.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _END = b"\xff\xd9"
 
 
 class Splitter:
-    """Feed it bytes as they come; each call gives the images that are now complete.
+    """Feed it bytes as they come; each call returns the images that are now complete.
 
     Bytes that belong to no JPEG or PNG are dropped, and so is an image larger than `largest`
     bytes. One that breaks off is given as far as it goes, and one that lacks its end marker alone
@@ -54,7 +54,7 @@ class Splitter:
             self._inside = False
 
     def rest(self) -> list[bytes]:
-        """What is left at the end of the stream: a picture cut short, or nothing."""
+        """What is left at the end of the stream: an image cut short, or nothing."""
         left = bytes(self._data) if self._inside else b""
         self._data.clear()
         self._inside = False
@@ -89,7 +89,7 @@ class Splitter:
             if self._at + 2 > len(data):
                 return None
             if data[self._at] != 0xFF or data[self._at + 1] == _SOI:
-                return self._at  # no marker, or the next picture begins
+                return self._at  # no marker, or the next image begins
             kind = data[self._at + 1]
             if kind == _EOI:
                 return self._at + 2

@@ -1,4 +1,4 @@
-"""Pictures one after another: a file, a folder, a pattern, or standard input."""
+"""Images one after another: a file, a folder, a pattern, or standard input."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ class ListenOptions(Options):
     def open(self) -> Listening:
         """Checks them and takes the address.
 
-        Raises CallError for options that do not go together, UserError where the address is
+        Raises CallError for options that do not go together, UserError if the address is
         taken.
         """
         from doorway3ds.web.base.access import is_loopback

@@ -83,7 +83,7 @@ class Watch:
             self.log.write("tracked", step=update.number, **tracked.to_dict())
 
     def _miss(self, update: Update) -> None:
-        """No picture comes any more: said once on paper, shown all the time in the panel."""
+        """No image comes any more: said once on paper, shown all the time in the panel."""
         if self.panel is not None:
             self.panel.show(update.tracked)
         if self._lost:

@@ -37,7 +37,7 @@ class ClearanceParams:
         points is called floor by the floor mask (1: the mask has no say).
     mask_blocks: with a network's depth and a camera of known height, this fraction of the way
         called not floor blocks, whatever depth and vote say (above 1: never). Of a hand-held
-        camera the way's place in the picture hangs on the depth, and the mask has no say.
+        camera the way's place in the image hangs on the depth, and the mask has no say.
     mask_down: the same where the camera looks down along the way (`look_down`).
     mask_margin_m, mask_reach: that way is wider than the robot, since a network's doorway is off
         by a few centimetres, and ends at this fraction of the range, before the threshold.
@@ -71,14 +71,14 @@ class ClearanceParams:
 class Clearance:
     """What the sweep found.
 
-    clear: True where floor was seen and nothing blocks, False where something does, None where
+    clear: True if floor was seen and nothing blocks, False if something does, None if
         no floor was seen in the footprint.
     floor_from_m: distance from the turning axis at which floor comes into view in the swept
         direction, None if it never does.
     corridor_m: (4, 2) corners of the footprint on the floor, robot frame.
-    corridor_px: (n, 2) the same outline in the picture (x, y), from where it can be seen.
-    obstacle_px: (n, 2) picture points of what blocks, None where nothing does.
-    obstacle_m: distance of its nearest point along the way, None where nothing does.
+    corridor_px: (n, 2) the same outline in the image (x, y), from where it can be seen.
+    obstacle_px: (n, 2) image points of what blocks, None if nothing does.
+    obstacle_m: distance of its nearest point along the way, None if nothing does.
     """
 
     clear: bool | None
@@ -194,7 +194,7 @@ def sweep(
 def look_down(
     scene: Scene, camera: Camera, bearing_deg: float, range_m: float | None, params: ClearanceParams
 ) -> Clearance:
-    """The sweep for a picture that is taken with the head down, along a way that was found free.
+    """The sweep for an image that is taken with the head down, along a way that was found free.
 
     Of a network only its floor mask counts: steep views are where its depth and vote are worst.
     """
@@ -210,7 +210,7 @@ def _corridor(way: Array, near: float, far: float, width: float) -> Array:
 def _outline(
     scene: Scene, camera: Camera, way: Array, near: float, far: float, width: float
 ) -> Array:
-    """The footprint's outline on the floor in the picture, in drawing order."""
+    """The footprint's outline on the floor in the image, in drawing order."""
     side = np.linspace(near, max(far, near), 12)
     left = np.array([-way[1], way[0]]) * width / 2
     ground = np.concatenate([side[:, None] * way + left, side[::-1, None] * way - left])

@@ -49,7 +49,7 @@ class FloorPlane:
 
     normal: unit vector up, in the axes of the robot frame as the pose gives them.
     height_m: of the lens above it. tilt_deg: between the normal and the pose's z axis.
-    fitted: False where the pose alone gives it. share: of the floor pixels that lie on it.
+    fitted: False if the pose alone gives it. share: of the floor pixels that lie on it.
     """
 
     normal: tuple[float, float, float]
@@ -64,9 +64,9 @@ class Scene:
     """Depth as points in the floor frame: x forward, y left, z up from the floor, metres.
 
     The origin lies under the turning axis. Arrays are (h, w) unless told otherwise, on a thinned
-    grid of the depth map; its rows and columns stand in the picture at rows_px, columns_px.
+    grid of the depth map; its rows and columns stand in the image at rows_px, columns_px.
     directions: (3, h, w) rays in the floor frame with unit step along the optical axis.
-    plane: None where the floor is unknown; z then counts from the lens. height_known: whether the
+    plane: None if the floor is unknown; z then counts from the lens. height_known: whether the
     lens's height is known from the pose, rather than from the fit alone.
     turn: (3, 3) camera frame -> floor frame. lens: its position in the floor frame.
     """
@@ -201,7 +201,7 @@ def _fit(
     if known is not None:
         max_tilt = params.max_tilt_deg + math.degrees(depth_error)
 
-    rng = np.random.default_rng(0)  # fixed: the same picture gives the same plane
+    rng = np.random.default_rng(0)  # fixed: the same image gives the same plane
     triples = q[rng.integers(0, len(q), (48, 3))]
     guesses = _cofactor_solve(triples)
     norm = np.linalg.norm(guesses, axis=1)

@@ -4,7 +4,7 @@ The lens stands `height_m` above the floor. A ray r of unit step along the optic
 by d per step meets the floor at depth height_m / d: on the floor, 1 / depth = d / height_m, known
 from the camera and its pose alone. A network that gives g = gain / depth + shift (or without the
 shift) is thus known on the floor in two unknowns only, a straight line from g to 1 / depth, and
-the same line then holds for the whole picture.
+the same line then holds for the whole image.
 
 The pitch must be known: a pitch that is wrong by e radians shifts 1 / depth by about e / height_m
 everywhere, and g on the floor cannot tell one from the other.
@@ -34,8 +34,8 @@ def in_metres(
     """The perception with its relative depth turned into `depth_m`; as it is without any.
 
     Where too little floor is seen, or depth and floor contradict each other, depth is unknown
-    (nan) and the floor is not believed. Raises UserError where the lens
-    height or the floor's mask is missing, without which no picture tells metres.
+    (nan) and the floor is not believed. Raises UserError if the lens
+    height or the floor's mask is missing, without which no image tells metres.
     """
     relative = perception.relative
     if relative is None:
@@ -68,7 +68,7 @@ def _line(seen: Array, expected: Array, shifted: bool) -> tuple[float, float] | 
     """(gain, shift) with expected = gain * seen + shift on most of the points, or None."""
     if seen.size < MIN_FLOOR:
         return None
-    rng = np.random.default_rng(0)  # fixed: the same picture gives the same line
+    rng = np.random.default_rng(0)  # fixed: the same image gives the same line
     one, two = rng.integers(0, seen.size, (2, 96))
     with np.errstate(divide="ignore", invalid="ignore"):
         if shifted:

@@ -17,7 +17,7 @@ class ThresholdParams:
 
     gap: columns of the depth grid left out beside the edge, where depth mixes wall and opening;
         gap_gain is added per unit of the network's depth error.
-    band: width of the strip outside an edge, as a fraction of the picture's width.
+    band: width of the strip outside an edge, as a fraction of the image's width.
     low_m, high_m: height above the floor between which a jamb is looked for.
     same: relative difference within which points belong to one wall.
     beyond: a jamb is not farther than what is seen through the opening times this.
@@ -44,7 +44,7 @@ class Walls:
     slope: tangent of a ray's bearing against the camera's axis, + left. ahead: horizontal
     distance along that axis. A wall is a straight line in 1 / ahead over slope.
     wall: may belong to a jamb. ground: `ahead` where the ray meets the floor's plane, nan for
-    pixels that are not floor; None where no floor is known. pitch: slope from one column of
+    pixels that are not floor; None if no floor is known. pitch: slope from one column of
     the grid to the next. axis: (2,) unit vector of the camera's axis on the floor.
     least, most: (w,) of the slopes in each column.
     """
@@ -71,10 +71,10 @@ def locate_threshold(
     seen: tuple[bool, bool],
     params: ThresholdParams,
 ) -> Array | None:
-    """(2,) floor position of the middle of the threshold, None where no jamb tells it.
+    """(2,) floor position of the middle of the threshold, None if no jamb tells it.
 
     edges: (3, 3) rays in the floor frame through the opening's left edge, middle, right edge.
-    seen: whether its left and right edge are jambs, and not the picture's own edge.
+    seen: whether its left and right edge are jambs, and not the image's own edge.
     """
     axis = walls.axis
     aside = np.array([-axis[1], axis[0]])

@@ -1,10 +1,10 @@
 """Any ONNX depth network, by a spec that says how it is fed and what its numbers mean.
 
-The file takes one float32 picture, (1, 3, h, w) or (1, h, w, 3), and gives a depth map that covers
-the whole picture at any size. The picture is squeezed into the input.
+The file takes one float32 image, (1, 3, h, w) or (1, h, w, 3), and gives a depth map that covers
+the whole image at any size. The image is squeezed into the input.
 
 Metres follow the focal length: what a network has learnt of size and distance holds for the focal
-length of its training, in pixels of its input; through a longer lens the same picture shows things
+length of its training, in pixels of its input; through a longer lens the same image shows things
 farther away, in proportion.
 """
 
@@ -26,7 +26,7 @@ from doorway3ds.networks.depth.spec import INVERSE, METRES, RELATIVE_INVERSE, De
 from doorway3ds.networks.session import Session, Shape, Signature, signature, verify
 from doorway3ds.types import Perception, RelativeDepth
 
-# Median depth of a picture from a room or a street: beyond, the unit is another.
+# Median depth of an image from a room or a street: beyond, the unit is another.
 PLAUSIBLE_M = (0.02, 60.0)
 
 
@@ -107,7 +107,7 @@ class DepthFile(OnnxNetwork):
                 )
             self._plausible = True
         if spec.focal_px is not None:
-            # The picture may be squeezed to another aspect: areas count, not one of the sides.
+            # The image may be squeezed to another aspect: areas count, not one of the sides.
             across = camera.fx * size[0] / camera.width
             down = camera.fy * size[1] / camera.height
             depth = depth * np.float32(math.sqrt(across * down) / spec.focal_px)
@@ -139,7 +139,7 @@ def _only(what: str, wanted: str | None, there: tuple[str, ...], path: Path) -> 
 def _fit(spec: DepthSpec, seen: Signature, path: Path) -> tuple[DepthSpec, Shape]:
     """The spec with the file's own layout and size filled in, and the input's shape.
 
-    Raises UserError where they contradict each other, or none of them gives a size.
+    Raises UserError if they contradict each other, or none of them gives a size.
     """
     shape = seen.inputs[_only("input", spec.input, tuple(seen.inputs), path)]
 

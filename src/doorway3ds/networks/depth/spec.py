@@ -20,7 +20,7 @@ RELATIVE = "relative"
 RELATIVE_INVERSE = "relative-inverse"
 UNITS = (*METRES, INVERSE, RELATIVE, RELATIVE_INVERSE)
 
-MAX_ASPECT = 2.0  # a longer picture is squeezed: short_side must not make inputs without bound
+MAX_ASPECT = 2.0  # a longer image is squeezed: short_side must not make inputs without bound
 MAX_SIDE = 4096
 MAX_PIXELS = 2048 * 2048
 
@@ -34,7 +34,7 @@ class DepthSpec:
     unit: of its output times `factor`: "m", "cm", "mm"; "1/m"; "relative", depth up to an unknown
         scale; "relative-inverse", 1 / depth up to an unknown scale and shift.
     width, height: of the input in pixels, where the file leaves them open.
-    short_side, multiple: instead: the picture's aspect is kept, its shorter side becomes
+    short_side, multiple: instead: the image's aspect is kept, its shorter side becomes
         `short_side` pixels, both sides multiples of `multiple`.
     white: value of a white pixel before `mean` is taken off and divided by `std`, by channel.
     channels: "rgb" or "bgr". layout: "nchw" or "nhwc"; None: as the file's shape tells.
@@ -65,7 +65,7 @@ class DepthSpec:
         return self.unit in (RELATIVE, RELATIVE_INVERSE)
 
     def size_for(self, width: int, height: int) -> tuple[int, int]:
-        """(width, height) of the input for a picture of width x height pixels.
+        """(width, height) of the input for an image of width x height pixels.
 
         For specs with a size of their own: `width` and `height`, or `short_side`.
         """

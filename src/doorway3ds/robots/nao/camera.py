@@ -1,6 +1,6 @@
 """NAO's and Pepper's cameras: nao://192.168.1.10:9559?camera=top&resolution=vga&fps=10.
 
-Pictures come through ALVideoDevice with the camera's pose from ALMotion.
+Images come through ALVideoDevice with the camera's pose from ALMotion.
 http://doc.aldebaran.com/2-8/naoqi/vision/alvideodevice-api.html
 """
 
@@ -25,7 +25,7 @@ CAMERAS = {"top": (0, "CameraTop"), "bottom": (1, "CameraBottom")}
 PATIENCE_S = 1.0
 NO_STAMP = (0, 0)
 STEADY_DEG = 0.5
-"""A camera that turned by more than this while its picture was fetched has no known pose."""
+"""A camera that turned by more than this while its image was fetched has no known pose."""
 
 
 def open_uri(uri: str, view: View, **options: Any) -> Source:
@@ -40,7 +40,7 @@ def open_uri(uri: str, view: View, **options: Any) -> Source:
     if not 1 <= fps <= 30:
         raise CallError(f"{uri}: fps must be from 1 to 30, got {fps}")
 
-    # A camera that froze shows a new connection its old picture: stamps outlive connections.
+    # A camera that froze shows a new connection its old image: stamps outlive connections.
     seen: list[tuple[int, int]] = []
 
     def connect() -> NaoCapture:
@@ -94,7 +94,7 @@ class NaoCapture:
             )
 
     def read(self) -> Shot | None:
-        """The newest image, or None where there is no new one or it cannot be used."""
+        """The newest image, or None if there is no new one or it cannot be used."""
         time.sleep(max(0.0, self._next_s - time.monotonic()))
         try:
             shot = self._shot()

@@ -42,7 +42,7 @@ def numbers(what: str, values: Any, size: int) -> list[float]:
 
 
 def fields_of(container: Any) -> Sequence[Any]:
-    """The image container's fields; UserError where it is none."""
+    """The image container's fields; UserError if it is none."""
     if container is None:
         raise UserError("the robot answers null instead of an image")
     if not isinstance(container, list | tuple) or len(container) < FIELDS:
@@ -53,7 +53,7 @@ def fields_of(container: Any) -> Sequence[Any]:
 
 
 def to_rgb(fields: Sequence[Any]) -> NDArray[np.uint8]:
-    """(H, W, 3) RGB of a container; UserError where its pixels are not what its fields say."""
+    """(H, W, 3) RGB of a container; UserError if its pixels are not what its fields say."""
     width, height, colour = int(fields[0]), int(fields[1]), int(fields[3])
     if colour not in BYTES:
         known = ", ".join(f"{name} ({number})" for name, number in COLOURS.items())
@@ -76,7 +76,7 @@ def to_rgb(fields: Sequence[Any]) -> NDArray[np.uint8]:
 
 
 def camera_of(fields: Sequence[Any]) -> Camera | None:
-    """Intrinsics by the container's own angles, None where they make no sense."""
+    """Intrinsics by the container's own angles, None if they make no sense."""
     try:
         left, top, right, bottom = numbers("field of view", fields[8:12], 4)
     except UserError:

@@ -129,7 +129,7 @@ class NaoRobot:
     def stop(self) -> None:
         """Stops; over a new connection where the old one is gone.
 
-        Raises RobotLost where the robot cannot be told.
+        Raises RobotLost if the robot cannot be told.
         """
         self._stopping.set()
         self._on_any_connection("ALMotion", "stopMove")
@@ -193,7 +193,7 @@ class NaoRobot:
             self._tell(f"{self.name}: autonomous life is {wanted} again")
 
     def _numbers(self, method: str, size: int, *values: Any) -> list[float]:
-        """ALMotion's answer; RobotError where it is not so many numbers."""
+        """ALMotion's answer; RobotError if it is not so many numbers."""
         try:
             return numbers(
                 f"{self.name}: ALMotion.{method}",

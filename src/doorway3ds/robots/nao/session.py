@@ -50,7 +50,7 @@ class Call:
     def result(self, timeout_s: float) -> Any:
         """The call's value.
 
-        Raises RobotLost where the session ended or no answer came in time, RobotError where the
+        Raises RobotLost if the session ended or no answer came in time, RobotError if the
         robot answered with an error.
         """
         deadline = time.monotonic() + timeout_s
@@ -71,7 +71,7 @@ class Call:
 class Naoqi:
     """One session. timeout_s: for each call that does not say otherwise.
 
-    Raises RobotLost where the robot cannot be reached, ModuleNotFoundError without `qi`.
+    Raises RobotLost if the robot cannot be reached, ModuleNotFoundError without `qi`.
     """
 
     def __init__(self, host: str, port: int = PORT, timeout_s: float = 5.0) -> None:
@@ -97,7 +97,7 @@ class Naoqi:
         return bool(self._session.isConnected())
 
     def service(self, name: str) -> Any:
-        """A service's proxy; RobotError where the robot has none of that name."""
+        """A service's proxy; RobotError if the robot has none of that name."""
         with self._lock:
             if name not in self._services:
                 future = self._session.service(name, _async=True)
@@ -136,7 +136,7 @@ class Naoqi:
             self._links.append((subscriber, link, event))
 
     def listen(self, url: str) -> None:
-        """Lets the robot call what is registered here; RobotError where that cannot be."""
+        """Lets the robot call what is registered here; RobotError if that cannot be."""
         try:
             self._session.listen(url)
         except RuntimeError as error:

@@ -24,7 +24,7 @@ _OPEN_FOLDER = "/static/"
 class Limits:
     """What one server accepts at most; beyond it answers with an error, never with a queue.
 
-    max_bytes: of a request's body. max_pixels: of a picture, by its header, before decoding.
+    max_bytes: of a request's body. max_pixels: of an image, by its header, before decoding.
     in_flight: decisions that run or wait to run. uploads: requests whose body is being read.
     streams: clients of /v1/stream. connections: open sockets.
     head_s, body_s, decision_s, send_s: seconds for a request's head to arrive, for its body, for

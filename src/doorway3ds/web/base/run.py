@@ -21,7 +21,7 @@ _GRACE_S = 20  # for requests at hand once the server is told to end
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A bound socket; UserError where the address is taken or not this machine's."""
+    """A bound socket; UserError if the address is taken or not this machine's."""
     try:
         found = socket.getaddrinfo(
             host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE

@@ -107,7 +107,7 @@ class Shield:
                 self._metrics.request_seconds.labels(route).observe(spent)
 
     def _admit(self, scope: Scope) -> int | None:
-        """The length that the request's head announces; ApiError where it may not enter."""
+        """The length that the request's head announces; ApiError if it may not enter."""
         headers = {
             name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]
         }
@@ -126,7 +126,7 @@ def too_large(limits: Limits) -> ApiError:
     return ApiError(
         413,
         "too_large",
-        f"the body is larger than {limits.max_bytes / 2**20:g} MiB; send a smaller picture",
+        f"the body is larger than {limits.max_bytes / 2**20:g} MiB; send a smaller image",
     )
 
 

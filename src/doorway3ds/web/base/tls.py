@@ -28,7 +28,7 @@ class Certificate:
 
 
 def given(chain: Path, key: Path) -> Certificate:
-    """The user's own certificate. Raises UserError where the two do not load together."""
+    """The user's own certificate. Raises UserError if the two do not load together."""
     for path in (chain, key):
         if not path.is_file():
             raise UserError(f"no file {path}; expected a certificate or key in PEM format")
@@ -39,7 +39,7 @@ def self_signed(folder: Path, names: tuple[str, ...] = ()) -> Certificate:
     """A certificate for this machine's names and addresses, made in `folder` unless a usable one
     lies there: a browser that was told to trust it need not be told again.
 
-    names: further names that browsers will use. Raises UserError where it cannot be written.
+    names: further names that browsers will use. Raises UserError if it cannot be written.
     """
     chain, key = folder / "certificate.pem", folder / "key.pem"
     wanted = _names(names)

@@ -35,9 +35,9 @@ class Work:
     async def run(
         self, job: Callable[[], T], gone: Callable[[], Awaitable[object]] | None = None
     ) -> T:
-        """What `job` gives; `gone` returns once the client hangs up.
+        """What `job` returns; `gone` returns once the client hangs up.
 
-        Raises ApiError: 429 where `limit` jobs are there, 503 after `timeout_s`; ClientGone.
+        Raises ApiError: 429 if `limit` jobs are there, 503 after `timeout_s`; ClientGone.
         A job that has begun is finished in any case, and counts until then.
         """
         if self.in_flight >= self._limit:

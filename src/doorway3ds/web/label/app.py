@@ -13,7 +13,7 @@ from doorway3ds.web.label.table import Table
 
 
 def label_settings(token: str | None, link: str | None) -> ServerSettings:
-    """Bodies are small here, pictures come from the disk, and one thread looks at them."""
+    """Bodies are small here, images come from the disk, and one thread looks at them."""
     limits = Limits(max_bytes=64 * 1024, max_pixels=MAX_PIXELS, in_flight=32, decision_s=60.0)
     return ServerSettings(token=token, workers=1, link=link, limits=limits)
 
@@ -24,5 +24,5 @@ def create_label_app(settings: ServerSettings, pictures: Pictures, table: Table)
         LabelState(settings, pictures, table),
         routes.router,
         title="doorway3ds label",
-        summary="Pictures of a folder, marked by hand.",
+        summary="Images of a folder, marked by hand.",
     )

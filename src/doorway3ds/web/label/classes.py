@@ -24,12 +24,12 @@ _LIST = ".3ds-label.json"  # what an earlier export put there, and may take away
 
 
 def export_classes(pictures: Pictures, states: Mapping[str, str], out: Path) -> Counter[str]:
-    """Puts every marked picture into the folder of its class; gives their numbers by folder.
+    """Puts every marked image into the folder of its class; returns their numbers by folder.
 
-    Pictures are linked where the file system can, else copied. An earlier export is brought up
+    Images are linked where the file system can, else copied. An earlier export is brought up
     to date: what it had put into another class is taken away.
 
-    Raises UserError where `out` lies among the pictures or holds what no export made.
+    Raises UserError if `out` lies among the images or holds what no export made.
     """
     root = pictures.root.resolve()
     if out.resolve() == root or root in out.resolve().parents:

@@ -1,4 +1,4 @@
-"""What the network would mark in a picture, drawn in advance."""
+"""What the network would mark in an image, drawn in advance."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _FURTHER = 3
 
 
 def guesser(pipeline: Pipeline, fit: FitCamera) -> Guesser:
-    """Asks the pipeline; `fit` gives the camera of a picture."""
+    """Asks the pipeline; `fit` gives the camera of an image."""
 
     def guess(picture: Picture) -> Guess:
         decision = pipeline.decide(View(fit).of_picture(picture))

@@ -1,8 +1,8 @@
-"""What a person says of one picture, and the same as rows of `doorways.csv`.
+"""What a person says of one image, and the same as rows of `doorways.csv`.
 
 The columns are those that `evaluate.readers` and `train.samples` read. `left_px` and `right_px`
-are an opening's edges at mid-height in the picture's own pixels, turned upright as its EXIF
-orientation says; -0.5 and width - 0.5 where the picture's edge cuts it.
+are an opening's edges at mid-height in the image's own pixels, turned upright as its EXIF
+orientation says; -0.5 and width - 0.5 where the image's edge cuts it.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ class MarkedOpening:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.left_px) and math.isfinite(self.right_px)):
-            raise ValueError("an opening's edges are numbers")
+            raise ValueError("an opening's edges must be finite numbers")
         if not self.left_px < self.right_px:
             raise ValueError(
-                f"an opening's left edge lies left of its right one, "
+                f"an opening's left edge must lie left of its right one, "
                 f"got {self.left_px:g} and {self.right_px:g}"
             )
         _require_confidence(self.confidence)
@@ -50,9 +50,9 @@ class MarkedOpening:
 
 @dataclass(frozen=True)
 class Marks:
-    """One picture: its openings, the main one first; or, where it has none, why.
+    """One image: its openings, the main one first; or, where it has none, why.
 
-    closed: without openings, a closed door is shown. confidence: of a picture without openings.
+    closed: without openings, a closed door is shown. confidence: of an image without openings.
     """
 
     openings: tuple[MarkedOpening, ...] = ()
@@ -61,14 +61,14 @@ class Marks:
 
     def __post_init__(self) -> None:
         if self.openings and self.closed:
-            raise ValueError("a picture with an opening is not one of a closed door")
+            raise ValueError("an image with an opening is not one of a closed door")
         if len(self.openings) > MAX_OPENINGS:
-            raise ValueError(f"a picture has at most {MAX_OPENINGS} openings")
+            raise ValueError(f"an image has at most {MAX_OPENINGS} openings")
         _require_confidence(self.confidence)
 
     @property
     def state(self) -> Literal["open", "half", "closed", "none"]:
-        """Of the picture as a whole: one opening that is open makes it open."""
+        """Of the image as a whole: one opening that is open makes it open."""
         if not self.openings:
             return "closed" if self.closed else "none"
         return "half" if all(o.half_open for o in self.openings) else "open"
@@ -76,13 +76,13 @@ class Marks:
 
 def _require_confidence(value: int) -> None:
     if value not in (1, 2, 3):
-        raise ValueError(f"a confidence is 1, 2 or 3, got {value}")
+        raise ValueError(f"confidence must be 1, 2 or 3, got {value}")
 
 
 def to_rows(name: str, marks: Marks, place: str, before: Sequence[Row] = ()) -> list[Row]:
-    """The rows of one picture. before: those it had; their further columns stay.
+    """The rows of one image. before: those it had; their further columns stay.
 
-    place: for a picture that names none yet.
+    place: for an image that names none yet.
     """
     rows = []
     for index, opening in enumerate(marks.openings or (None,)):
@@ -103,7 +103,7 @@ def to_rows(name: str, marks: Marks, place: str, before: Sequence[Row] = ()) -> 
 
 
 def from_rows(rows: Sequence[tuple[str, Row]]) -> Marks:
-    """The marks of one picture's ("file line N", row) pairs.
+    """The marks of one image's ("file line N", row) pairs.
 
     Raises UserError, one line that names the row, where they are none of `to_rows`' kind.
     """

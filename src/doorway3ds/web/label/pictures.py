@@ -1,4 +1,4 @@
-"""The pictures of a folder by number: listed once, decoded when somebody looks at them."""
+"""The images of a folder by number: listed once, decoded when somebody looks at them."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from doorway3ds.images.folder import images_in
 from doorway3ds.web.label.marks import Marks
 
 MAX_SIDE = 1600  # of the copy that a browser gets
-_KEPT = 24  # prepared pictures
-# Beside pictures lie their labels of other kinds, in the layouts that `3ds eval` reads.
+_KEPT = 24  # prepared images
+# Beside images lie their labels of other kinds, in the layouts that `3ds eval` reads.
 _NO_PICTURES = frozenset({"depth", "labels", "floor", "3ds-out"})
 
 
@@ -35,7 +35,7 @@ Guesser = Callable[[Picture], Guess]
 
 @dataclass(frozen=True)
 class Prepared:
-    """One picture as the page shows it. width, height: its own, upright; jpeg: a copy.
+    """One image as the page shows it. width, height: its own, upright; jpeg: a copy.
 
     guess: None without a network, or where it cannot answer, which `problem` then says.
     """
@@ -48,11 +48,11 @@ class Prepared:
 
 
 class Pictures:
-    """The pictures below a folder (those in images/, where it has such a folder) in name order.
+    """The images below a folder (those in images/, where it has such a folder) in name order.
 
     names: as `doorways.csv` has them. left_out: files whose names it cannot hold.
 
-    Raises UserError where there is none.
+    Raises UserError if there is none.
     """
 
     def __init__(self, folder: Path, guesser: Guesser | None = None) -> None:
@@ -85,11 +85,11 @@ class Pictures:
         return self.root / self.names[number]
 
     def place(self, number: int) -> str:
-        """The folder that a picture lies in, which tells its place; nothing at the top."""
+        """The folder that an image lies in, which tells its place; nothing at the top."""
         return self.names[number].rpartition("/")[0].strip()
 
     def version(self, number: int) -> str:
-        """Changes with the picture's file, so that browsers can keep copies."""
+        """Changes with the image's file, so that browsers can keep copies."""
         try:
             found = self.path(number).stat()
         except OSError:
@@ -97,9 +97,9 @@ class Pictures:
         return f"{found.st_mtime_ns:x}-{found.st_size:x}-{found.st_ino:x}"
 
     def prepare(self, number: int) -> Prepared:
-        """Decodes a picture and asks the network; the newest are kept. For one thread alone.
+        """Decodes an image and asks the network; the newest are kept. For one thread alone.
 
-        Raises UserError where it cannot be read.
+        Raises UserError if it cannot be read.
         """
         key = (number, self.version(number))
         if key not in self._prepared:

@@ -1,4 +1,4 @@
-"""The routes of marking. Pictures are asked for by number: no path comes from a request."""
+"""The routes of marking. Images are asked for by number: no path comes from a request."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from doorway3ds.web.label.table import MarkedMeanwhile
 
 router = APIRouter()
 State = Annotated[LabelState, Depends(label_state)]
-Number = Annotated[int, Path(ge=0, description="Of the picture, from 0.")]
+Number = Annotated[int, Path(ge=0, description="Number of the image, from 0.")]
 Confidence = Annotated[int, Field(ge=1, le=3)]
 Column = Annotated[float, Field(allow_inf_nan=False)]
 _ALWAYS = (401, 403)
@@ -27,7 +27,7 @@ _KEEP = {"Cache-Control": "private, max-age=86400"}
 
 
 class OpeningBody(BaseModel):
-    """One opening; its edges in the picture's own pixels, at mid-height."""
+    """One opening; its edges in the image's own pixels, at mid-height."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -39,7 +39,7 @@ class OpeningBody(BaseModel):
 
 
 class MarksBody(BaseModel):
-    """What is marked in a picture; without openings, `closed` tells a closed door from none."""
+    """What is marked in an image; without openings, `closed` tells a closed door from none."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -49,7 +49,7 @@ class MarksBody(BaseModel):
 
 
 class ChangeBody(BaseModel):
-    """marks null takes a picture's marks away. revision: of the marks that are changed."""
+    """marks null takes an image's marks away. revision: of the marks that are changed."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -59,7 +59,7 @@ class ChangeBody(BaseModel):
 
 @router.get("/v1/folder", responses=errors(*_ALWAYS), summary="The folder and its state")
 async def folder(state: State) -> Response:
-    """`start` is the picture to go on with: the first unmarked one after the last marked one."""
+    """`start` is the image to go on with: the first unmarked one after the last marked one."""
     states = await asyncio.to_thread(state.table.states)
     pictures = state.pictures
     there = set(pictures.names)
@@ -83,13 +83,13 @@ async def folder(state: State) -> Response:
 async def unmarked(
     state: State, after: Annotated[int, Query(ge=-1, description="Look from here on.")] = -1
 ) -> Response:
-    """`number` is null where every picture that can be read is marked."""
+    """`number` is null where every image that can be read is marked."""
     states = await asyncio.to_thread(state.table.states)
     return json_answer({"number": _unmarked(state, states, after)})
 
 
 def _unmarked(state: LabelState, states: Any, after: int) -> int | None:
-    """The first unmarked picture after number `after`, going round; None where all are marked."""
+    """The first unmarked image after number `after`, going round; None if all are marked."""
     count = len(state.pictures)
     for step in range(1, count + 1):
         number = (after + step) % count
@@ -101,10 +101,10 @@ def _unmarked(state: LabelState, states: Any, after: int) -> int | None:
 @router.get(
     "/v1/pictures/{number}",
     responses=errors(*_ALWAYS, 404, 422, 429, 503),
-    summary="One picture's size, its marks and the network's guess",
+    summary="One image's size, its marks and the network's guess",
 )
 async def picture(state: State, number: Number) -> Response:
-    """A picture that cannot be read has no width, and `problem` says why."""
+    """An image that cannot be read has no width, and `problem` says why."""
     name = _name(state, number)
     try:
         seen: Prepared | None = await state.work.run(lambda: state.pictures.prepare(number))
@@ -152,10 +152,10 @@ async def image(
 @router.put(
     "/v1/pictures/{number}",
     responses=errors(400, *_ALWAYS, 404, 408, 409, 413, 422, 429, 503),
-    summary="Save one picture's marks",
+    summary="Save one image's marks",
 )
 async def save(request: Request, state: State, number: Number, change: ChangeBody) -> Response:
-    """Answers once the table is written. 409 where somebody else has marked the picture since
+    """Answers once the table is written. 409 if somebody else has marked the image since
     `revision`: nothing is then changed."""
     name = _name(state, number)
     seen = await state.work.run(lambda: state.pictures.prepare(number))
@@ -165,7 +165,7 @@ async def save(request: Request, state: State, number: Number, change: ChangeBod
         revision = await asyncio.to_thread(state.table.put, name, marks, change.revision, place)
     except MarkedMeanwhile as error:
         raise ApiError(
-            409, "marked_meanwhile", "somebody else has marked this picture meanwhile"
+            409, "marked_meanwhile", "somebody else has marked this image meanwhile"
         ) from error
     except UserError as error:
         raise ApiError(503, "not_written", str(error), {"Retry-After": "5"}) from error
@@ -175,7 +175,7 @@ async def save(request: Request, state: State, number: Number, change: ChangeBod
 
 
 def _marks(body: MarksBody, width: int) -> Marks:
-    """Marks in the picture's columns, to a tenth of a pixel; ApiError where they make no sense."""
+    """Marks in the image's columns, to a tenth of a pixel; ApiError if they make no sense."""
     openings = []
     try:
         for opening in body.openings:
@@ -192,6 +192,6 @@ def _marks(body: MarksBody, width: int) -> Marks:
 def _name(state: LabelState, number: int) -> str:
     if number >= len(state.pictures):
         raise ApiError(
-            404, "no_picture", f"pictures are numbered from 0 to {len(state.pictures) - 1}"
+            404, "no_picture", f"images are numbered from 0 to {len(state.pictures) - 1}"
         )
     return state.pictures.names[number]

@@ -18,18 +18,18 @@ from doorway3ds.lab.datasets.csvfile import Row, csv_columns, csv_rows
 from doorway3ds.web.label.marks import COLUMNS, NEEDED, Marks, from_rows, to_rows
 
 NAME = "doorways.csv"
-UNMARKED = "unmarked"  # the revision of a picture without rows
+UNMARKED = "unmarked"  # the revision of an image without rows
 
 
 class MarkedMeanwhile(Exception):
-    """The picture's rows are no longer those that the change was made on."""
+    """The image's rows are no longer those that the change was made on."""
 
 
 class Table:
     """The rows of a folder's doorways.csv, read again whenever the file has changed.
 
-    Every change replaces one picture's rows, and only where they still are those that its author
-    saw. Rows of pictures that are not there stay, as do columns of others. The file is written
+    Every change replaces one image's rows, and only where they still are those that its author
+    saw. Rows of images that are not there stay, as do columns of others. The file is written
     whole, under a lock that other processes on this machine respect.
 
     Raises UserError, one line, where the file is damaged or another's; it is then left alone.
@@ -45,21 +45,21 @@ class Table:
         self._read()
 
     def get(self, name: str) -> tuple[Marks | None, str]:
-        """A picture's marks, None where it has none, and the revision to change them by."""
+        """An image's marks, None if it has none, and the revision to change them by."""
         with self._lock:
             self._read()
             return self._marks.get(name), self._revision(name)
 
     def states(self) -> Mapping[str, str]:
-        """The state of every picture that has rows, by name."""
+        """The state of every image that has rows, by name."""
         with self._lock:
             self._read()
             return {name: marks.state for name, marks in self._marks.items()}
 
     def put(self, name: str, marks: Marks | None, revision: str, place: str = "") -> str:
-        """Writes a picture's marks, or with None takes its rows away; gives the new revision.
+        """Writes an image's marks, or with None takes its rows away; returns the new revision.
 
-        Raises MarkedMeanwhile where the rows are not of `revision`, UserError where the file
+        Raises MarkedMeanwhile if the rows are not of `revision`, UserError if the file
         cannot be read or written; it then is as it was.
         """
         with self._lock, _alone(self.path.parent):
@@ -112,7 +112,7 @@ class Table:
 
 
 def _signature(path: Path) -> tuple[int, ...] | None:
-    """What changes with the file; None where there is none."""
+    """What changes with the file; None if there is none."""
     try:
         found = path.stat()
     except FileNotFoundError:

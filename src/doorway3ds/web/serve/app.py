@@ -23,11 +23,11 @@ def create_app(
     source: the name of the server's own source and how to open it. pipelines: default: those that
     `settings` names, opened here, so that a missing network is an error before anybody asks.
 
-    Raises UserError where the network cannot be opened.
+    Raises UserError if the network cannot be opened.
     """
     return assemble(
         ServeState(settings, source, pipelines),
         routes.router,
         title="doorway3ds",
-        summary="Open doorways, their direction and the way to them, from one picture.",
+        summary="Open doorways, their direction and the way to them, from one image.",
     )

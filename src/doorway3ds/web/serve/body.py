@@ -1,4 +1,4 @@
-"""The picture and the fields of a request, held in memory alone."""
+"""The image and the fields of a request, held in memory alone."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class _InMemory(MultiPartParser):
 
 @dataclass(frozen=True)
 class Upload:
-    """What came: the picture file's bytes, its name if it has one, and how to decide."""
+    """What came: the image file's bytes, its name if it has one, and how to decide."""
 
     data: bytes
     name: str | None
@@ -44,7 +44,7 @@ class Upload:
 async def read_upload(request: Request, fields: DecideFields) -> Upload:
     """Reads the body of a request, which `Shield` bounds; `fields` are those of its query.
 
-    Raises ApiError for a body or field that cannot be used, ClientGone where the client hung up.
+    Raises ApiError for a body or field that cannot be used, ClientGone if the client hung up.
     """
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     try:
@@ -96,7 +96,7 @@ async def _read_multipart(request: Request) -> tuple[bytes, str | None, dict[str
     for key, value in form.multi_items():
         if isinstance(value, UploadFile):
             if key != "image":
-                raise ApiError(422, "invalid_field", "the picture's part must be called image")
+                raise ApiError(422, "invalid_field", "the image's part must be called image")
             data, name = await value.read(), (value.filename or None)
             await value.close()
         elif key == "image":

@@ -164,7 +164,7 @@ class Pipelines:
     def get(self, fields: Fields) -> Pipeline:
         """The pipeline that a request asks for.
 
-        Raises ApiError for a network or preset that is not there, UserError where the network's
+        Raises ApiError for a network or preset that is not there, UserError if the network's
         file is damaged.
         """
         given = {name: value for name in _DECIDE if (value := getattr(fields, name)) is not None}
@@ -188,7 +188,7 @@ class Pipelines:
                 422,
                 "unfit_network",
                 f"method {options.method} needs {', '.join(lacking)}, which network "
-                f"{options.network} does not give",
+                f"{options.network} lacks",
             )
         known = presets_of(network)
         if options.preset is not None and options.preset not in known:

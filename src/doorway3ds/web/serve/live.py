@@ -30,7 +30,7 @@ from doorway3ds.web.serve.view import view_of
 
 State = Literal["starting", "running", "waiting", "ended", "lost", "stopped"]
 Style = Literal["overlay", "plain", "page"]
-_KEPT = 6  # frames whose pictures a client that reads events may still ask for
+_KEPT = 6  # frames whose images a client that reads events may still ask for
 _RATE_S = 2.0  # over which frames a second are averaged
 _WAIT_S = 0.5  # for a frame, before the state says that none comes
 
@@ -39,7 +39,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Snapshot:
-    """One decision of the source, alone and with memory; pictures of it are made on demand."""
+    """One decision of the source, alone and with memory; images of it are made on demand."""
 
     number: int
     decision: Decision
@@ -60,7 +60,7 @@ class Snapshot:
         return answer
 
     def jpeg(self, style: Style) -> bytes:
-        """The picture with its marks, as it came, or the whole annotated page."""
+        """The image with its marks, as it came, or the whole annotated page."""
         draw: dict[Style, Callable[[], NDArray[np.uint8]]] = {
             "overlay": lambda: overlay(self.tracked.decision),
             "plain": lambda: self.decision.frame.image,
@@ -131,7 +131,7 @@ class Live:
     def use(self, fields: Fields) -> None:
         """Decides by other settings from the next frame on.
 
-        Raises ApiError or UserError where they cannot be used; the old ones then stay.
+        Raises ApiError or UserError if they cannot be used; the old ones then stay.
         """
         pipeline = self._pipelines.get(fields)
         self._pipeline, self.fields = pipeline, fields
@@ -199,7 +199,7 @@ class Live:
                             self._miss(update, source.problem)
                     except SourceLost:
                         raise
-                    except UserError as error:  # of this picture alone
+                    except UserError as error:  # of this image alone
                         self._enter("waiting", str(error))
                 self._enter("ended", f"{self.name} has ended")
         except UserError as error:
@@ -207,21 +207,21 @@ class Live:
         except Exception:
             # The page must say so: a thread that dies in silence looks like a door that stands.
             log.exception("the source's thread failed")
-            self._lose("the server failed on a picture; see its log")
+            self._lose("the server failed on an image; see its log")
 
     def _measure(self, gap_s: float) -> None:
         weight = min(1.0, gap_s / _RATE_S)
         self._rate += weight * (1.0 / max(gap_s, 1e-3) - self._rate)
 
     def _miss(self, silent: Update | None, problem: str | None) -> None:
-        """No picture came in time: what was seen last must not stand for long."""
+        """No image came in time: what was seen last must not stand for long."""
         newest = self.newest
         if silent is not None and newest and newest.decision.reason is not Reason.LOST:
             self._keep(silent, 0.0)
         self._enter("waiting", problem or "no image arrives")
 
     def _lose(self, problem: str) -> None:
-        """No further picture will come, though it should."""
+        """No further image will come, though it should."""
         lost = None if self._session is None else self._session.lost()
         if lost is not None:
             self._keep(lost, 0.0)

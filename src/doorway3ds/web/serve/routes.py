@@ -39,13 +39,13 @@ _BEAT_S = 10.0  # between signs of life on a stream without news
     response_model=schemas.DecisionAnswer,
     responses=errors(400, *_ALWAYS, 408, 413, 415, 422, 429, 500, 503),
     openapi_extra=schemas.upload_body(),
-    summary="Decide on one picture",
+    summary="Decide on one image",
 )
 async def decide(
     request: Request, state: State, fields: Annotated[DecideFields, Query()]
 ) -> Response:
-    """Send the picture's bytes with the fields in the query, or multipart/form-data with the part
-    `image` and the fields as parts (a part outranks the query). The picture is not kept."""
+    """Send the image's bytes with the fields in the query, or multipart/form-data with the part
+    `image` and the fields as parts (a part outranks the query). The image is not kept."""
     upload, decision = await _decide(request, state, fields)
     answer = {"image": upload.name, **decision.to_dict()}
     if upload.fields.view:
@@ -58,15 +58,15 @@ async def decide(
     response_class=Response,
     responses={
         **errors(400, *_ALWAYS, 408, 413, 415, 422, 429, 500, 503),
-        200: {"content": {"image/jpeg": {}}, "description": "The annotated picture."},
+        200: {"content": {"image/jpeg": {}}, "description": "The annotated image."},
     },
     openapi_extra=schemas.upload_body(),
-    summary="Draw the decision on one picture",
+    summary="Draw the decision on one image",
 )
 async def draw(
     request: Request, state: State, fields: Annotated[DecideFields, Query()]
 ) -> Response:
-    """Takes what /v1/decide takes; gives the annotated page as a JPEG."""
+    """Takes what /v1/decide takes; returns the annotated page as a JPEG."""
     _, decision = await _decide(request, state, fields)
     picture = await state.work.run(lambda: encode_jpeg(annotate(decision)), _hang_up(request))
     return Response(picture, media_type="image/jpeg")
@@ -103,7 +103,7 @@ def _hang_up(request: Request) -> Any:
 
 @contextmanager
 def _counted(state: ServeState, what: Literal["uploads", "streams"]) -> Iterator[None]:
-    """Holds one of the places for `what`; 429 where there is none."""
+    """Holds one of the places for `what`; 429 if there is none."""
     if getattr(state, what) >= getattr(state.settings.limits, what):
         raise busy(what, 1 if what == "uploads" else 10)
     setattr(state, what, getattr(state, what) + 1)
@@ -179,7 +179,7 @@ def _event(kind: str, data: Any, number: int | None = None) -> bytes:
 def _snapshot(live: Live, frame: int | None) -> Snapshot:
     snapshot = live.newest if frame is None else live.get(frame)
     if snapshot is None and frame is not None and live.newest is not None:
-        raise ApiError(404, "frame_gone", f"the picture of frame {frame} is not kept any more")
+        raise ApiError(404, "frame_gone", f"the image of frame {frame} is no longer kept")
     if snapshot is None:
         raise ApiError(
             503,
@@ -197,7 +197,7 @@ def _snapshot(live: Live, frame: int | None) -> Snapshot:
         **errors(*_ALWAYS, 404, 422, 429, 503),
         200: {"content": {"image/jpeg": {}}, "description": "X-Frame is the frame's number."},
     },
-    summary="The source's newest picture",
+    summary="The source's newest image",
 )
 async def frame_jpg(
     request: Request,

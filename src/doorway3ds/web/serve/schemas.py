@@ -58,7 +58,7 @@ class OpeningAnswer(BaseModel):
     range_m: float | None
     score: float
     cut: Literal["left", "right", "both"] | None
-    left_px: float = Field(description="Columns of the upright picture at its mid-height.")
+    left_px: float = Field(description="Columns of the upright image at its mid-height.")
     right_px: float
 
 
@@ -67,7 +67,7 @@ class DecisionAnswer(BaseModel):
 
     model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
 
-    image: str | None = Field(description="The picture's name as it was given.")
+    image: str | None = Field(description="The image's name as it was given.")
     method: Literal["opening", "paper"]
     network: str
     camera: CameraAnswer
@@ -90,9 +90,7 @@ class DecisionAnswer(BaseModel):
     best_depth: float | None = Field(
         default=None, description="Only with method paper; 1.0 = 10 m."
     )
-    view: dict[str, Any] | None = Field(
-        default=None, description="Only where `view` was asked for."
-    )
+    view: dict[str, Any] | None = Field(default=None, description="Only if `view` was asked for.")
 
 
 class NetworkAnswer(BaseModel):
@@ -112,7 +110,7 @@ class SourceAnswer(BaseModel):
     problem: str | None
     frames: int
     skipped: int
-    fields: dict[str, Any] = Field(description="Its settings, where they are not the server's.")
+    fields: dict[str, Any] = Field(description="Its settings, if they are not the server's.")
 
 
 class InfoAnswer(BaseModel):
@@ -129,7 +127,7 @@ class InfoAnswer(BaseModel):
 
 
 def upload_body() -> dict[str, Any]:
-    """`openapi_extra` of the routes that take a picture."""
+    """`openapi_extra` of the routes that take an image."""
     form = DecideFields.model_json_schema()
     for name, field in form["properties"].items():
         # A form's empty field is text, never null.
@@ -139,7 +137,7 @@ def upload_body() -> dict[str, Any]:
         form["properties"][name].pop("default", None)
     form["properties"]["image"] = {"type": "string", "format": "binary"}
     form["required"] = ["image"]
-    form["title"] = "Picture and fields"
+    form["title"] = "Image and fields"
     binary = {"schema": {"type": "string", "format": "binary"}}
     kinds_of_file = ("image/jpeg", "image/png", "application/octet-stream")
     content: dict[str, Any] = dict.fromkeys(kinds_of_file, binary)

@@ -1,4 +1,4 @@
-"""A decision as the page shows it: words, and outlines in the picture's pixels."""
+"""A decision as the page shows it: words, and outlines in the image's pixels."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _FLOOR_SIDE = 320  # floor masks are enlarged to this before they are outlined: 
 
 
 def view_of(decision: Decision) -> dict[str, Any]:
-    """Plain values for JSON; points are [x, y] in the picture's pixels, outlines lists of them.
+    """Plain values for JSON; points are [x, y] in the image's pixels, outlines lists of them.
 
-    depth: {"png", "limit_m"}, a picture as a data URL (dark near, yellow far, clear unknown) and
+    depth: {"png", "limit_m"}, an image as a data URL (dark near, yellow far, clear unknown) and
     the distance at its bright end; null where there is none.
     """
     camera, selection = decision.frame.camera, decision.selection
@@ -51,7 +51,7 @@ def view_of(decision: Decision) -> dict[str, Any]:
 
 def _rounded(points: ArrayLike) -> list[list[float]]:
     array = np.asarray(points, float).reshape(-1, 2)
-    # A corner far outside of the picture must not cost the page its precision.
+    # A corner far outside of the image must not cost the page its precision.
     return np.clip(array, -1e5, 1e5).round(1).tolist()  # type: ignore[no-any-return]
 
 
