@@ -99,6 +99,8 @@ def test_a_decision_prints_as_one_line_and_is_short(decide: Pipeline) -> None:
     assert len(repr(decision)) < 200
     assert len(repr(decision.frame)) < 500
     assert len(repr(decision.perception)) < 300
+    assert len(repr(decision.selection)) < 600
+    assert len(repr(decide)) < 250
 
 
 @pytest.mark.parametrize("method", ["opening", "paper"])

@@ -201,7 +201,7 @@ class Selection:
     openings: tuple[Opening, ...] = ()
     unsure: str | None = None
     look: str | None = None
-    evidence: Mapping[str, Any] = field(default_factory=dict)
+    evidence: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
 
 @dataclass(frozen=True)

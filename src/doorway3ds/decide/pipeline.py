@@ -59,7 +59,7 @@ class Pipeline:
 
     network: Network
     method: str = Method.OPENING
-    params: OpeningParams | None = None
+    params: OpeningParams | None = field(default=None, repr=False)
     gates: Gates = field(default_factory=Gates)
     preset: str | None = None
 

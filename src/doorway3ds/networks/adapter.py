@@ -69,6 +69,9 @@ class OnnxNetwork(ABC):
         }
         return replace(seen, network=self.name, timings_ms=spent)
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name}>"
+
     @abstractmethod
     def prepare(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
         """The file's input for (H, W, 3) uint8 RGB."""
