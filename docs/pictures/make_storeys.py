@@ -13,11 +13,11 @@ from __future__ import annotations
 
 import itertools
 import sys
-import tomllib
 from pathlib import Path
 from typing import Any
 
 import grimp
+import tomllib
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = "doorway3ds"
