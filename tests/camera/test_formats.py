@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from doorway3ds.camera import Camera, read_camera_info
+from doorway3ds.camera.info import read_camera_info
+from doorway3ds.camera.model import Camera
 from doorway3ds.errors import UserError
 
 LENS = Camera("file", 640, 480, 520.0, 525.0, 325.5, 236.0, (-0.31, 0.12, 0.002, -0.0015, -0.02))

@@ -11,16 +11,8 @@ import numpy as np
 import pytest
 import yaml
 
-from doorway3ds.camera import (
-    Camera,
-    Pose,
-    bearing_of_pixel,
-    pixel_to_ray,
-    ray_to_pixel,
-    read_camera_info,
-    write_camera_info,
-)
-from doorway3ds.camera.info import LensWarning
+from doorway3ds.camera.info import LensWarning, read_camera_info, write_camera_info
+from doorway3ds.camera.model import Camera, Pose, bearing_of_pixel, pixel_to_ray, ray_to_pixel
 from doorway3ds.errors import UserError
 
 BARREL = Camera("lens", 640, 480, 520.0, 525.0, 325.5, 236.0, (-0.31, 0.12, 0.002, -0.0015, -0.02))

@@ -178,7 +178,7 @@ def test_p_open_is_weighed_by_the_costs_of_its_file(tmp_path: Path, net: DoorNet
     [
         ({"bumped": 2.0}, "no limit 'bumped'"),
         ({"missed": None}, "costs must be above 0"),
-        ({"missed": "much"}, "limit 'missed' is a number"),
+        ({"missed": "much"}, "limit 'missed' must be a number"),
         ([1.5, 3.0], "Costs must be an object of limits"),
     ],
 )

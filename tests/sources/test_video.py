@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from doorway3ds.camera import Camera
+from doorway3ds.camera.model import Camera
 from doorway3ds.errors import UserError
 from doorway3ds.sources import SourceLost, open_source
 from tests.factories import film, number, patched

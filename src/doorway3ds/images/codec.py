@@ -139,7 +139,8 @@ def encode_jpeg(image: NDArray[np.uint8], quality: int = 88) -> bytes:
 
 
 def _encode(suffix: str, image: NDArray[np.uint8], quality: int) -> bytes:
-    options = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_PNG_COMPRESSION, 3]
+    jpeg = [cv2.IMWRITE_JPEG_QUALITY, quality]
+    options = [cv2.IMWRITE_PNG_COMPRESSION, 3] if suffix == ".png" else jpeg
     done, data = cv2.imencode(suffix, cv2.cvtColor(image, cv2.COLOR_RGB2BGR), options)
     if not done:
         raise UserError(f"an image of shape {image.shape} cannot be written as {suffix}")
