@@ -121,7 +121,7 @@ HEADER = "image,open,left_px,right_px,clear,confidence,second,state\n"
         ("", "lacks the column image"),
         ("picture,door\na.jpg,1\n", "lacks the column image"),
         (HEADER + "a.jpg,1,10,20,1,3\n", "line 2: expected 8 fields"),
-        (HEADER + "a.jpg,1,20,10,1,3,0,open\n", "line 2: an opening's left edge lies left"),
+        (HEADER + "a.jpg,1,20,10,1,3,0,open\n", "line 2: an opening's left edge must lie left"),
         (HEADER + "a.jpg,1,,,1,3,0,open\n", "line 2: an open row needs left_px"),
         (HEADER + "a.jpg,,,,,3,0,\n", "line 2: expected open 0 or 1"),
         (HEADER + "a.jpg,0,,,,9,0,none\n", "line 2: expected a confidence of 1, 2 or 3"),
