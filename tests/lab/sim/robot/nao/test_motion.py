@@ -231,3 +231,19 @@ def test_safety_settings_are_kept(name: str, values: tuple[Any, ...]) -> None:
     before = getattr(motion, f"get{name}")(*values[:-1])
     getattr(motion, f"set{name}")(*values)
     assert before != getattr(motion, f"get{name}")(*values[:-1]) == values[-1]
+
+
+@pytest.mark.parametrize(
+    "rest",
+    [([7, 7], [[0.4], [0.7]]), ([7, 7], [0.4, 0.7], True), (7, 0.7)],
+    ids=["lists", "flat, absolute", "one"],
+)
+def test_effectors_take_their_time_and_stay(rest: tuple[Any, ...]) -> None:
+    nao, motion = robot()
+    motion.wakeUp()
+    before, begun_s = motion.getPosition("LArm", 0), nao.body.clock.now()
+    motion.positionInterpolations(["LArm", "RArm"], 0, [[[0.1] * 6], [[0.1] * 6]], *rest)
+    assert nao.body.clock.now() - begun_s == pytest.approx(0.7, abs=0.05)
+    assert motion.getPosition("LArm", 0) == before
+    motion.wbEnable(True)
+    assert motion.wbGoToBalance("LLeg", 1.0) is True

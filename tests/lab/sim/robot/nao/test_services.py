@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
+from doorway3ds.images.codec import read_image
 from doorway3ds.lab.sim.robot.body import Body, FastClock
 from doorway3ds.lab.sim.robot.model import MODELS
 from doorway3ds.lab.sim.robot.nao import VirtualNao, colours
@@ -256,3 +258,61 @@ def test_optional_arguments_may_be_left_out_and_wrong_ones_are_said() -> None:
         services["ALMotion"].getAngles()
     assert services["ALMotion"].ping() is True
     assert "moveTo" in services["ALMotion"].getMethodList()
+
+
+def test_services_without_effect_keep_what_is_set() -> None:
+    nao = robot()
+    audio, hearing = nao.services["ALAudioDevice"], nao.services["ALSpeechRecognition"]
+    assert audio.getOutputVolume() == 50
+    audio.setOutputVolume(70)
+    audio.muteAudioOut(True)
+    assert (audio.getOutputVolume(), audio.isAudioOutMuted()) == (70, True)
+    hearing.setParameter("Sensitivity", 0.4)
+    hearing.setParameter("NbHypotheses", 2)
+    assert [hearing.getParameter(n) for n in ("Sensitivity", "NbHypotheses")] == [0.4, 2]
+    hearing.subscribe("me")
+    assert hearing.getSubscribersInfo()[0][0] == "me"
+    assert nao.services["ALMemory"].getData("WordRecognized") == ["", -3.0]
+    with pytest.raises(RuntimeError, match="ALAudioDevice::setOutputVolume expected a value"):
+        audio.setOutputVolume()
+
+
+def test_photographs_go_into_a_folder_of_the_robots_own() -> None:
+    nao = robot()
+    capture = nao.services["ALPhotoCapture"]
+    capture.setResolution(1)
+    (path,) = capture.takePicture("../../etc", "hall")
+    assert read_image(path).image.shape == (240, 320, 3)
+    assert ".." not in Path(path).parts and Path(path).name == "etc_hall.jpg"
+    assert len({*capture.takePictures(3, "/home/nao", "room.png")}) == 3
+    with pytest.raises(RuntimeError, match="expected jpg or png, got raw"):
+        capture.takePicture("/home/nao", "room.raw")
+
+
+def test_navigation_goes_straight_and_stops_where_walking_does() -> None:
+    nao = robot()
+    nao.services["ALMotion"].wakeUp()
+    navigation = nao.services["ALNavigation"]
+    assert navigation.navigateTo(0.3, 0.0) is True
+    line = ["Composed", ["Holonomic", ["Line", [0.2, 0.0]], 0.0, 2.0]]
+    assert navigation.moveAlong(line) is True
+    assert nao.body.odometry()[0] == pytest.approx(0.5, abs=0.1)
+
+
+def test_topics_of_a_dialog_are_listed() -> None:
+    nao = robot()
+    dialog = nao.services["ALDialog"]
+    topic = dialog.loadTopicContent("topic: ~hello()\nlanguage: enu\nu:(hi) hello\n")
+    dialog.activateTopic(topic)
+    assert dialog.getActivatedTopics() == dialog.getLoadedTopics("English") == ["hello"]
+    dialog.unloadTopic(topic)
+    assert dialog.getLoadedTopics() == []
+    with pytest.raises(RuntimeError, match="no topic hello is loaded"):
+        dialog.activateTopic(topic)
+
+
+def test_a_tablet_is_peppers_alone() -> None:
+    for model, has in (("nao", False), ("pepper", True)):
+        services = robot(model).services
+        assert ("ALTabletService" in services) is has
+    assert services["ALTabletService"].showImage("http://198.18.0.1/a.png") is True

@@ -1,12 +1,16 @@
-"""ALLeds, ALBattery and ALSystem of a virtual NAO."""
+"""ALLeds, ALBattery, ALPhotoCapture and ALSystem of a virtual NAO."""
 
 from __future__ import annotations
 
 import math
+import re
+import tempfile
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from doorway3ds.lab.sim.robot.nao.service import VERSION, Service
+from doorway3ds.lab.sim.robot.nao.service import VERSION, Quiet, Service, asked
+from doorway3ds.lab.sim.robot.nao.video import CAMERAS, SIZES
 
 if TYPE_CHECKING:
     from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
@@ -208,3 +212,41 @@ class System(Service):
 
     def shutdown(self) -> None:
         self._nao.services["ALMotion"].rest()
+
+
+class PhotoCapture(
+    Service,
+    quiet=Quiet(
+        {
+            "CameraID": 0,
+            "CaptureInterval": 200,
+            "ColorSpace": 11,
+            "HalfPressEnabled": False,
+            "PictureFormat": "jpg",
+            "Resolution": 2,
+        },
+        {"halfPress": 0, "isHalfPressed": False},
+    ),
+):
+    """ALPhotoCapture: images are written, and into a folder of this robot's own alone."""
+
+    def takePicture(self, folder: str, name: str, overwrite: bool = True) -> list[str]:
+        """Returns [where it was written]."""
+        return self.takePictures(1, folder, name, overwrite)
+
+    def takePictures(self, count: int, folder: str, name: str, overwrite: bool = True) -> list[str]:
+        from doorway3ds.images.codec import write_image
+
+        self._own = getattr(self, "_own", None) or tempfile.TemporaryDirectory(prefix="nao-")
+        stem, _, suffix = name.rpartition(".") if "." in name else (name, "", "")
+        suffix = suffix or asked(self, "getPictureFormat")
+        if suffix not in ("jpg", "png"):
+            raise RuntimeError(f"ALPhotoCapture: expected jpg or png, got {suffix}")
+        width, height = SIZES[asked(self, "getResolution")]
+        out = []
+        for number in range(count):
+            counted = f"{stem}_{number}" if count > 1 else stem
+            plain = re.sub(r"[^\w.-]+", "_", f"{folder}_{counted}").strip("._")
+            image = self._nao.picture(CAMERAS[asked(self, "getCameraID")], width, height)
+            out.append(str(write_image(Path(self._own.name, f"{plain}.{suffix}"), image)))
+        return out

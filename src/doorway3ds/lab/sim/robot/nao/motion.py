@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from doorway3ds.lab.sim.robot.nao.quiet import EFFECTORS
 from doorway3ds.lab.sim.robot.nao.service import Service, each, returns
 from doorway3ds.lab.sim.robot.nao.walk import Walk
 
@@ -29,7 +30,7 @@ _FLAGS = {
 """Reflexes and safety as they are when the robot starts; kept when set, and without effect."""
 
 
-class Motion(Walk):
+class Motion(Walk, quiet=EFFECTORS):
     """ALMotion."""
 
     def __init__(self, nao: VirtualNao) -> None:
@@ -155,6 +156,25 @@ class Motion(Walk):
             math.atan2(m[1, 0], m[0, 0]),
         )
         return [*(float(v) for v in m[:3, 3]), *angles]
+
+    def positionInterpolations(self, *given: Any) -> None:
+        """Takes its time and moves nothing: there is no inverse kinematics.
+
+        given: effectors, frames, paths, masks, times, then optionally whether they are absolute.
+        """
+        times = next((v for v in reversed(given) if not isinstance(v, bool)), 0.0)
+        while isinstance(times, list | tuple):
+            times = max((t[-1] if isinstance(t, list | tuple) else t for t in times), default=0.0)
+        self._nao.body.clock.sleep(max(0.0, float(times)))
+
+    positionInterpolation = transformInterpolation = positionInterpolations
+    transformInterpolations = positionInterpolations
+
+    @returns("[f]")
+    def getCOM(self, name: str, frame: int, sensors: bool = True) -> list[float]:
+        """Of the body it is taken for the torso."""
+        part = "Torso" if name == "Body" else name
+        return [float(v) for v in self._nao.body.transform(part, int(frame))[:3, 3]]
 
     # What there is.
 

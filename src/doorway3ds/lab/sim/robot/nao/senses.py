@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from doorway3ds.lab.sim.robot.nao.devices import sonar, touch_sensors
+from doorway3ds.lab.sim.robot.nao.memory import sonar, touch_sensors
 from doorway3ds.lab.sim.robot.nao.service import Extractor, Service
 
 if TYPE_CHECKING:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+import types
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -38,13 +40,79 @@ def _any_number(name: str, method: Callable[..., Any]) -> Callable[..., Any]:
     return bound
 
 
+@dataclass(frozen=True)
+class Quiet:
+    """Calls without an effect, as a table.
+
+    keeps: name -> value until it is set, by `set` and the name; asked for by `get` and the name,
+        or `is` for a truth value. Arguments before the last, or those of the question, tell
+        several values of a name apart. Another pair of calls is named whole, as "mute/isMuted".
+    answers: other calls -> what they answer; does: those that answer nothing.
+    extractor: whether modules subscribe to it.
+    """
+
+    keeps: Mapping[str, Any] = field(default_factory=dict)
+    answers: Mapping[str, Any] = field(default_factory=dict)
+    does: str = ""
+    extractor: bool = False
+
+    def calls(self) -> dict[str, Callable[..., Any]]:
+        """A function for each call."""
+        calls: dict[str, Callable[..., Any]] = {}
+        for kept, value in self.keeps.items():
+            ask = "is" if isinstance(value, bool) else "get"
+            setter, _, getter = (
+                kept.partition("/") if "/" in kept else (f"set{kept}", "", ask + kept)
+            )
+            calls |= {setter: _keep(setter, getter), getter: _kept(getter, value)}
+        answers = {**self.answers, **dict.fromkeys(self.does.split())}
+        return calls | {call: _answer(call, value) for call, value in answers.items()}
+
+    def service(self, name: str) -> type[Service]:
+        """The class of a service that is nothing else."""
+        bases = (Extractor if self.extractor else Service,)
+        return types.new_class(name, bases, {"quiet": self})
+
+
+def _keep(setter: str, getter: str) -> Callable[..., None]:
+    def keep(self: Any, *given: Any) -> None:
+        if not given:
+            raise RuntimeError(f"{type(self).__name__}::{setter} expected a value")
+        self.__dict__.setdefault("_set", {})[getter, repr(given[:-1])] = given[-1]
+
+    keep.__name__ = setter
+    return keep
+
+
+def _kept(getter: str, value: Any) -> Callable[..., Any]:
+    def kept(self: Any, *given: Any) -> Any:
+        return self.__dict__.get("_set", {}).get((getter, repr(given)), value)
+
+    kept.__name__ = getter
+    return kept
+
+
+def _answer(call: str, value: Any) -> Callable[..., Any]:
+    def answer(self: Any, *given: Any) -> Any:
+        return value
+
+    answer.__name__ = call
+    return answer
+
+
 class Service:
-    """Public methods are NAOqi's, by name. Those with optional arguments may be called without."""
+    """Public methods are NAOqi's, by name. Those with optional arguments may be called without.
+
+    quiet: further calls, without an effect.
+    """
 
     # Calls run at the same time: stopMove must not wait for moveTo.
     __qi_threading__ = "multi"
 
-    def __init_subclass__(cls) -> None:
+    def __init_subclass__(cls, quiet: Quiet | None = None) -> None:
+        for name, call in (quiet.calls() if quiet else {}).items():
+            if name not in vars(cls):
+                setattr(cls, name, call)
         for name, method in list(vars(cls).items()):
             if not inspect.isfunction(method) or name.startswith("__"):
                 continue
@@ -114,6 +182,11 @@ class Extractor(Service):
 def methods_of(kind: type) -> list[str]:
     """What a service can be called for."""
     return sorted(n for n in dir(kind) if not n.startswith("_") and callable(getattr(kind, n)))
+
+
+def asked(service: Service, call: str) -> Any:
+    """What a call answers that only a table names."""
+    return getattr(service, call)()
 
 
 def each(what: str, values: Any, size: int) -> list[Any]:

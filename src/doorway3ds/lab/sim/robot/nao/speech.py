@@ -6,7 +6,7 @@ import re
 import threading
 from typing import TYPE_CHECKING, Any
 
-from doorway3ds.lab.sim.robot.nao.service import Service
+from doorway3ds.lab.sim.robot.nao.service import Extractor, Quiet, Service
 
 if TYPE_CHECKING:
     from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
@@ -198,3 +198,66 @@ class AnimatedSpeech(Service):
 
     def declareAnimationsPackage(self, package: str) -> None:
         return
+
+
+class Dialog(
+    Extractor,
+    quiet=Quiet(
+        {"Concept": []},
+        {"runDialog": True, "getConcept": []},
+        "stopDialog forceInput forceOutput gotoTag gotoTopic tell say setFocus setNumberOfScopes "
+        "applyUserSettings addBlockingEvent removeBlockingEvent openSession closeSession "
+        "setVariablePath setASRConfidenceThreshold setConfidenceThreshold noPick activateTag "
+        "deactivateTag enableTriggerSentences startPush stopPush clearConcepts",
+    ),
+):
+    """ALDialog: topics are loaded, activated and listed; nobody talks to the robot."""
+
+    def __init__(self, nao: VirtualNao) -> None:
+        super().__init__(nao)
+        self._topics: dict[str, bool] = {}
+        self._language = "English"
+
+    def setLanguage(self, language: str) -> None:
+        self._language = language
+
+    def getLanguage(self) -> str:
+        return self._language
+
+    def loadTopic(self, path: str) -> str:
+        """Takes the file's name for the topic's."""
+        return self._load(path.rpartition("/")[2].partition("_")[0].partition(".")[0])
+
+    def loadTopicContent(self, content: str) -> str:
+        found = re.search(r"topic:\s*~(\w+)", content)
+        if found is None:
+            raise RuntimeError("ALDialog::loadTopicContent expected a line topic: ~name()")
+        return self._load(found[1])
+
+    def unloadTopic(self, topic: str) -> None:
+        self._known(topic)
+        del self._topics[topic]
+
+    def activateTopic(self, topic: str) -> None:
+        self._topics[self._known(topic)] = True
+
+    def deactivateTopic(self, topic: str) -> None:
+        self._topics[self._known(topic)] = False
+
+    def getLoadedTopics(self, language: str = "") -> list[str]:
+        return list(self._topics)
+
+    def getAllLoadedTopics(self) -> list[str]:
+        return list(self._topics)
+
+    def getActivatedTopics(self) -> list[str]:
+        return [topic for topic, active in self._topics.items() if active]
+
+    def _load(self, topic: str) -> str:
+        self._topics[topic] = False
+        return topic
+
+    def _known(self, topic: str) -> str:
+        if topic not in self._topics:
+            raise RuntimeError(f"ALDialog: no topic {topic} is loaded")
+        return topic

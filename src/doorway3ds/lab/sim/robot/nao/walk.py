@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from doorway3ds.lab.sim.robot.model import about, moved
-from doorway3ds.lab.sim.robot.nao.service import Service, returns
+from doorway3ds.lab.sim.robot.nao.service import Quiet, Service, returns
 
 if TYPE_CHECKING:
     from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
@@ -234,3 +234,54 @@ def _flat(x: float, y: float, theta: float) -> np.ndarray:
     """(3, 3) of a pose on the floor."""
     m = moved((x, y, 0.0)) @ about((0.0, 0.0, 1.0), theta)
     return m[np.ix_([0, 1, 3], [0, 1, 3])]
+
+
+class Navigation(
+    Service,
+    quiet=Quiet(
+        {"SecurityDistance": 0.4},
+        {
+            "explore": 0,
+            "getExplorationPath": [],
+            "getMapsList": [],
+            "getRobotPositionInMap": [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
+            "loadExploration": 0,
+            "relocalizeInMap": [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
+            "saveExploration": "",
+        },
+        "stopExploration startLocalization stopLocalization startMapping stopMapping "
+        "startFreeZoneUpdate",
+    ),
+):
+    """ALNavigation: goes straight, as ALMotion does; plans no way round things, maps nothing."""
+
+    def navigateTo(self, x: float, y: float, theta: float = 0.0, config: Any = ()) -> bool:
+        """Whether it arrived."""
+        return bool(self._nao.services["ALMotion"].moveTo(x, y, theta))
+
+    def moveAlong(self, trajectory: Any) -> bool:
+        """Along ["Holonomic", ["Line", [x, y]], theta, seconds] or ["Composed", ...] of those."""
+        kind, *parts = trajectory
+        if kind == "Composed":
+            return all(self.moveAlong(part) for part in parts)
+        (shape, (x, y, *_)), theta = parts[:2]
+        if shape != "Line":
+            raise RuntimeError(f"ALNavigation::moveAlong expected a Line, got {shape}")
+        return self.navigateTo(float(x), float(y), float(theta))
+
+    def stopNavigateTo(self) -> None:
+        self._nao.services["ALMotion"].stopMove()
+
+    def navigateToInMap(self, target: Any) -> int:
+        """0: it arrived; nothing is mapped, so the target counts from where it stands."""
+        return 0 if self.navigateTo(*(float(v) for v in target)) else 1
+
+    def findFreeZone(self, radius: float, restricted: float) -> list[Any]:
+        """[error, radius (m), [x, y, 0]]: where it stands."""
+        return [0, float(radius), [0.0, 0.0, 0.0]]
+
+    def getFreeZone(self, radius: float, restricted: float) -> list[Any]:
+        return self.findFreeZone(radius, restricted)
+
+    def stopAndComputeFreeZone(self, radius: float, restricted: float) -> list[Any]:
+        return self.findFreeZone(radius, restricted)
