@@ -31,16 +31,17 @@ def write_batch_report(folder: Path, sources: list[str], facts: dict[str, str]) 
     report.tables.append(_table(by_folder))
     columns = ["image", "occurrence", "p_open", "bearing_deg", "range_m", "reason"]
     table = read_rows(folder, columns)
-    for stem, title, column, bins in (
-        ("p_open", "Probability of an open doorway", "p_open", 20),
-        ("bearing", "Bearing of the best opening, degrees, + left", "bearing_deg", 36),
-        ("range", "Distance to the sill, metres", "range_m", 30),
+    for stem, title, column, bins, span in (
+        ("p_open", "Probability of an open doorway", "p_open", 20, (0.0, 1.0)),
+        ("bearing", "Bearing of the best opening, degrees, + left", "bearing_deg", 36, None),
+        ("range", "Distance to the sill, metres", "range_m", 30, None),
     ):
         values = pc.drop_null(table[column]).to_numpy()
         if len(values):
             with figure() as (axes, done):
-                axes.hist(values, bins=bins, color=COLORS[0])
-                axes.set_ylabel("images")
+                axes.hist(values, bins=bins, range=span, color=COLORS[0])
+                axes.set(xlabel=title, ylabel="images")
+                axes.yaxis.get_major_locator().set_params(integer=True)
                 report.add_plot(stem, title, done())
     rows = table.filter(pc.is_valid(table["p_open"])).select(columns).to_pylist()
     doubtful = heapq.nsmallest(LEAST_CERTAIN, rows, key=lambda row: abs(row["p_open"] - 0.5))
