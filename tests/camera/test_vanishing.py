@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from doorway3ds.camera.model import Camera
-from doorway3ds.camera.vanishing import check_focal
+from doorway3ds.camera.vanishing import FocalWatch, check_focal
 from doorway3ds.cli.main import run
 from doorway3ds.images.codec import read_image
 
@@ -54,3 +54,34 @@ def test_the_command_reports_the_deviation(capsys):
     assert "--camera" in capsys.readouterr().err
     assert run(["calibrate", "board/", "--camera", "pepper-top"]) == 2
     assert "--check" in capsys.readouterr().err
+
+
+def test_a_watch_warns_of_a_wrong_camera_and_not_of_the_right_one():
+    doubts = {}
+    for wrong in (1.0, 0.75):
+        watch = FocalWatch()
+        for name in ("doorway", "mirror", "blocked", "nao-low"):
+            image, camera = room(name)
+            watch.look(image, replace(camera, fx=camera.fx * wrong, fy=camera.fy * wrong))
+        assert watch.done
+        doubts[wrong] = watch.doubt
+    assert doubts[1.0] is None
+    assert "nao-low has a focal length" in doubts[0.75]
+
+
+def test_a_watch_leaves_an_assumed_camera_alone():
+    image, camera = room("doorway")
+    watch = FocalWatch()
+    watch.look(image, replace(camera, fx=camera.fx / 2, fy=camera.fy / 2, assumed=True))
+    assert not watch.done
+    assert watch.doubt is None
+
+
+def test_look_warns_of_a_wrong_field_of_view_and_answers_all_the_same(capsys):
+    image = str(EXAMPLES / "doorway.jpg")
+    assert run(["look", "--json", image, "--fov-deg", "80"]) == 0
+    wrong = capsys.readouterr()
+    assert len(wrong.out.splitlines()) == 1
+    assert "3ds: fov 80 deg has a focal length of 381 px, and the room's lines fit" in wrong.err
+    assert run(["look", "--json", image, "--camera", "pepper-top"]) == 0
+    assert "focal length" not in capsys.readouterr().err

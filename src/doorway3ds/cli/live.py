@@ -98,6 +98,8 @@ def live(
 
     import cv2
 
+    from doorway3ds.camera.choice import choose_camera
+    from doorway3ds.live.lens import LensWatch
     from doorway3ds.live.session import Session
     from doorway3ds.robots.loop import LoopParams
 
@@ -139,6 +141,9 @@ def live(
             named += [] if robot is None else [f"robot {robot}"]
             watch.panel = stack.enter_context(Panel(" · ".join(named), found))
         found.notice = watch.panel.say if watch.panel else complain
+        if choose_camera(camera).given:
+            lens = LensWatch(found.notice)
+            keep.append(lambda update, _: lens.offer(update.raw.frame))
         stack.enter_context(session)
         if driver is None:
             watch.all(frames)

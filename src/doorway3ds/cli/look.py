@@ -28,6 +28,7 @@ from doorway3ds.options import setting
 
 if TYPE_CHECKING:
     from doorway3ds.camera.choice import CameraChoice
+    from doorway3ds.camera.vanishing import FocalWatch
     from doorway3ds.decide.pipeline import Pipeline
     from doorway3ds.draw.viewer import Viewer
     from doorway3ds.types import Decision
@@ -81,6 +82,7 @@ def look(
     Example: 3ds look photo.jpg --camera nao-v6-top --json
     """
     from doorway3ds.camera.choice import choose_camera
+    from doorway3ds.camera.vanishing import FocalWatch
     from doorway3ds.decide.pipeline import build_pipeline
 
     choice = choose_camera(camera)
@@ -102,9 +104,10 @@ def look(
     files = _Files(out, depth_dir, style, faint)
     if as_csv:
         sys.stdout.write(_csv_line(COLUMNS) + "\n")
+    lens = FocalWatch()
     start = time.monotonic()
     with viewer_of(rerun) as viewer, Progress(len(inputs)) as progress:
-        job = _Job(pipeline, choice, line, files, viewer)
+        job = _Job(pipeline, choice, line, files, viewer, lens)
         for done, image in enumerate(inputs):
             progress(done)
             try:
@@ -119,6 +122,8 @@ def look(
         for bag in bags:
             held, damaged = job.bag(bag, camera)
             total, failed = total + held, failed + damaged
+    if lens.doubt is not None:
+        complain(lens.doubt)
     if total > 1:
         _summarise(total, failed, time.monotonic() - start, out)
     if failed:
@@ -134,6 +139,7 @@ class _Job:
     line: Callable[[str, Decision], str]
     files: _Files
     viewer: Viewer | None
+    lens: FocalWatch
 
     def bag(self, uri: str, camera: CameraOptions) -> tuple[int, int]:
         """Answers each image of a bag; returns how many it holds and how many are damaged."""
@@ -171,6 +177,8 @@ class _Job:
         if self.viewer is not None:
             self.viewer.add(decision)
         self.files.write(image, decision)
+        if self.choice.given:
+            self.lens.look(decision.frame.image, decision.frame.camera)
 
 
 @dataclass(frozen=True)
