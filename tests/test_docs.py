@@ -11,7 +11,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = [ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "README.md",
+    *sorted((ROOT / "docs").rglob("*.md")),
+]
 _BLOCK = re.compile(
     r"(?:<!-- not run: (?P<why>[^>]+) -->\n)?```sh\n(?P<commands>.*?)```", re.DOTALL
 )
@@ -22,10 +26,10 @@ def blocks(page: Path) -> list[tuple[str | None, str]]:
     return [(m["why"], m["commands"]) for m in _BLOCK.finditer(page.read_text(encoding="utf-8"))]
 
 
-# Installing is what .ci/run does; CONTRIBUTING has only that.
+# Installing is what .ci/run does; CONTRIBUTING and README have only that.
 RUN = [
     pytest.param(commands, id=f"{page.stem}-{number}")
-    for page in PAGES[1:]
+    for page in PAGES[2:]
     for number, (why, commands) in enumerate(blocks(page))
     if why is None
 ]
@@ -49,6 +53,39 @@ def test_a_block_runs_as_it_stands(commands: str, tmp_path: Path) -> None:
     )
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout.strip()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_commands_stand_in_blocks_that_are_run_or_marked(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    loose = re.findall(
+        r"(?m)^ {4,}(?:3ds|pip|curl|python3?) .*$", re.sub(r"(?s)```.*?```", "", text)
+    )
+    assert loose == []
+    others = re.findall(r"```(?:bash|shell|console)", text)
+    assert others == []
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/python.md"])
+def test_python_blocks_run_as_they_stand(page: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    found = re.findall(r"(?s)```python\n(.*?)```", (ROOT / page).read_text(encoding="utf-8"))
+    assert found
+    for program in found:
+        exec(compile(program, page, "exec"), {})
+
+
+_FIGURE = re.compile(r"(\d+\.\d+)( %)? \((\d+\.\d+)–(\d+\.\d+)\)")
+
+
+def test_figures_that_are_repeated_are_those_of_the_results() -> None:
+    results = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
+    short, full = results.split("## On places held out from training")
+    measured = set(_FIGURE.findall(full))
+    for text in (short, (ROOT / "README.md").read_text(encoding="utf-8")):
+        repeated = set(_FIGURE.findall(text))
+        assert len(repeated) >= 6
+        assert repeated <= measured
 
 
 def test_the_python_files_that_the_documentation_names_exist() -> None:

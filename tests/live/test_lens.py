@@ -15,7 +15,7 @@ from doorway3ds.types import Frame
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
-@pytest.mark.parametrize(("fov_deg", "lines"), [(85.0, 1), (56.3, 0)])  # 56.3: the true one
+@pytest.mark.parametrize(("fov_deg", "lines"), [(75.0, 1), (56.3, 0)])  # 56.3: the true one
 def test_it_tells_once_of_a_wrong_field_of_view(fov_deg, lines):
     told: list[str] = []
     watch = LensWatch(told.append, every_s=0)

@@ -63,7 +63,7 @@ class OpeningAnswer(BaseModel):
 
 
 class DecisionAnswer(BaseModel):
-    """What `3ds look --json` prints; docs/architecture.md says what each key means."""
+    """What `3ds look --json` prints; docs/json.md says what each key means."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
 
