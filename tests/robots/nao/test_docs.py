@@ -1,4 +1,4 @@
-"""docs/robot.md lists the services and calls that a virtual NAO's session has, and no others."""
+"""docs/naoqi.md lists the services and calls that a virtual NAO's session has, and no others."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 pytestmark = pytest.mark.nao
-PAGE = Path(__file__).parents[3] / "docs" / "robot.md"
+PAGE = Path(__file__).parents[3] / "docs" / "naoqi.md"
 FIRST_OWN = 100  # numbers below are libqi's own, of every object
 
 
