@@ -23,7 +23,7 @@ from visualization_msgs.msg import MarkerArray
 from doorway3ds.camera.model import Camera
 from doorway3ds.ros import messages, received
 from doorway3ds.ros.messages import ros_message as make
-from tests.ros.bus import SIZE, WAIT_S, Peer, ended, turned
+from tests.ros.bus import CAMERA, SIZE, WAIT_S, Peer, ended, turned
 
 Start = Callable[..., Any]
 
@@ -111,6 +111,26 @@ def test_it_survives_what_comes(node: Start, peer: Peer) -> None:
     peer.until(lambda: peer.decisions()[-1]["reason"] == "lost")
     peer.until(lambda: peer.decisions()[-1]["reason"] != "lost", peer.image)
     assert process.poll() is None
+
+
+def test_images_that_are_lost_on_the_way_are_told(node: Start, peer: Peer) -> None:
+    node()
+    peer.hear(DiagnosticArray, "/diagnostics")
+
+    def show() -> None:
+        peer.image()
+        for _ in range(4):  # of images that do not arrive
+            peer.publish("/camera_info", messages.camera_info(make, peer.top("lens"), CAMERA))
+            time.sleep(0.02)
+
+    def told() -> bool:
+        found = [one.status[0] for _, one in peer.heard["/diagnostics"]]
+        return any("3ds ros --dds-profile" in one.message for one in found)
+
+    peer.until(told, show)
+    status = peer.heard["/diagnostics"][-1][1].status[0]
+    rates = {one.key: one.value for one in status.values}
+    assert 0 < float(rates["images per second"]) < 30
 
 
 def test_zeros_in_camera_info_mean_that_nobody_calibrated(node: Start, peer: Peer) -> None:

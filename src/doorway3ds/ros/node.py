@@ -97,8 +97,8 @@ class DoorwayNode:
         mount, motion = group(node, MountOptions), group(node, BaseOptions)
         self._move = motion.move
         self._last: Update | None = None
-        self._rate, self._rated_s = 0.0, time.monotonic()
-        self._count = 0
+        self._count, self._rated_s = 0, time.monotonic()
+        self._lossy = False
         self._turning = threading.Lock()
         self._transforms = transform_buffer(node) if self._topics.use_tf else None
 
@@ -301,12 +301,14 @@ class DoorwayNode:
 
     def _diagnose(self) -> None:
         now = time.monotonic()
-        self._rate = self._count / max(now - self._rated_s, 1e-3)
+        elapsed_s = max(now - self._rated_s, 1e-3)
+        rate, images, infos = (n / elapsed_s for n in (self._count, *self._source.counts()))
         self._count, self._rated_s = 0, now
         update, source = self._last, self._source
         facts: dict[str, object] = {
             "image topic": source.name,
-            "decisions per second": round(self._rate, 1),
+            "decisions per second": round(rate, 1),
+            "images per second": round(images, 1),
             "images skipped": source.skipped,
             "images left out": source.damaged,
             "motion": "allowed" if self._move else "off",
@@ -317,9 +319,20 @@ class DoorwayNode:
             facts["camera assumed"] = raw.frame.camera.assumed
             facts["reason"] = update.decision.reason
             facts["network ms"] = round(raw.timings_ms.get("network", 0.0), 1)
+        problem = source.problem
+        if problem is None and infos >= 5 and images < infos / 2:
+            # A camera sends one with each image.
+            problem = (
+                f"of {infos:.0f} images a second {images:.0f} arrive; if the others are lost, "
+                "start the camera with the profile of 3ds ros --dds-profile, or use "
+                "image_transport:=compressed"
+            )
+            if not self._lossy:
+                source.notice(problem)
+            self._lossy = True
         stamp = self._node.get_clock().now().to_msg()
         top = messages.header(make, "", stamp)
-        self._diagnostics.publish(messages.diagnostics(make, top, source.problem, facts))
+        self._diagnostics.publish(messages.diagnostics(make, top, problem, facts))
 
 
 def transform_buffer(node: Any) -> Any:

@@ -61,6 +61,7 @@ class TopicSource(Source):
         self._info: Any = None
         self._begun_s: float | None = None
         self.arrived_s: float | None = None
+        self._images = self._infos = 0
         self.problem = "no image has come"
 
     def offer(self, message: Any) -> None:
@@ -71,12 +72,21 @@ class TopicSource(Source):
             self.skipped += self._shot is not None
             self._shot, self.arrived_s = _Shot(message, now, age_s), now
             self._begun_s = self._begun_s or now
+            self._images += 1
             self._news.notify_all()
 
     def calibrate(self, message: Any) -> None:
         """A new `camera_info`, used for the images from now on."""
         with self._news:
             self._info = message
+            self._infos += 1
+
+    def counts(self) -> tuple[int, int]:
+        """Images, and messages of `camera_info`, that came since the last call."""
+        with self._news:
+            found = self._images, self._infos
+            self._images = self._infos = 0
+        return found
 
     def silent_s(self) -> float:
         """Seconds since the last image; infinity before the first."""
