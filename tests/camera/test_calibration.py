@@ -104,7 +104,7 @@ def test_pictures_without_a_board_are_named(chess_pictures):
     grey = np.full((480, 640, 3), 128, np.uint8)
     found = calibrate([*chess_pictures[:4], ("wall.png", grey)], CHESS, "mine")
     assert found.without_board == ("wall.png",)
-    with pytest.raises(UserError, match="found in 2 of 3 pictures"):
+    with pytest.raises(UserError, match="found in 2 of 3 images"):
         calibrate([*chess_pictures[:2], ("wall.png", grey)], CHESS, "mine")
     assert find_corners(grey, CHARUCO) is None
 
