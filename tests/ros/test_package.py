@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import runpy
 import shutil
 import subprocess
@@ -146,3 +147,18 @@ def test_a_camera_with_the_profile_loses_no_raw_image(
         assert set(came) == {640 * 480 * 3}
     finally:
         ended(camera)
+
+
+def test_its_node_ends_cleanly_by_ctrl_c(peer: Any) -> None:
+    from std_msgs.msg import String
+
+    from tests.ros.bus import ended, python
+
+    peer.hear(String, "/doorway3ds/decision")
+    start = "from doorway3ds_ros.node import main; main()"
+    path = os.pathsep.join([str(PACKAGE), os.environ.get("PYTHONPATH", "")])
+    arguments = ["-c", start, "--ros-args", "-p", "fov_deg:=70.0", "-p", "threads:=1"]
+    node = python(*arguments, environment={"PYTHONPATH": path})
+    peer.until(lambda: peer.decisions() or node.poll() is not None, peer.image)
+    status, said = ended(node)
+    assert (status, "Traceback" in said) == (0, False), said  # to ros2 launch, no crash
