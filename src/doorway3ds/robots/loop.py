@@ -141,7 +141,8 @@ class TurnLoop:
         params: when it is content, and for how long it tries.
         log: of the run. tell: is called with one line about each look and turn. decided: is called
             with each decision.
-        clock, sleep: the frames' clock, and how to wait on it.
+        clock: of the frames, in seconds.
+        sleep: waits on that clock.
     """
 
     def __init__(
