@@ -1,8 +1,11 @@
 from __future__ import annotations
 
+import re
 import struct
+import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -10,7 +13,7 @@ import pytest
 
 from doorway3ds.camera.model import Camera
 from doorway3ds.errors import UserError
-from doorway3ds.sources import SourceLost, open_source
+from doorway3ds.sources import SourceLost, clock, open_source
 from tests.factories import film, number, patched
 
 KINDS = [("avi", "MJPG"), ("mp4", "mp4v"), ("webm", "VP80")]
@@ -52,13 +55,50 @@ def test_paced_it_takes_the_films_time_and_skips_what_is_over(tmp_path: Path) ->
     assert stamps[-1] == pytest.approx(29 / 30, abs=0.01)
 
 
-def test_paced_a_quick_reader_gets_all_and_may_wait_briefly(tmp_path: Path) -> None:
+def test_paced_a_quick_reader_gets_all_and_may_wait_briefly(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s = 0.0
+
+    class Waits(threading.Event):
+        """Time passes in waiting alone, however busy the machine is."""
+
+        def wait(self, timeout: float | None = None) -> bool:
+            nonlocal now_s
+            now_s += timeout or 0.0
+            return self.is_set()
+
+    monkeypatch.setattr(clock, "time", SimpleNamespace(monotonic=lambda: now_s))
+    monkeypatch.setattr(clock, "threading", SimpleNamespace(Event=Waits))
     path = film(tmp_path / "film.avi", 6, 10)
     with open_source(str(path), pace=True) as source:
         assert source.read(0.0) is not None
         assert source.read(0.01) is None
+        assert now_s == pytest.approx(0.01)
         assert len(list(source)) == 5
+    assert now_s == pytest.approx(0.5)
     assert source.skipped == 0
+
+
+def test_a_damaged_frame_of_motion_jpeg_is_left_out_and_counted(tmp_path: Path) -> None:
+    path = tmp_path / "film.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 20, (160, 120))
+    rng = np.random.default_rng(1)
+    for _ in range(8):
+        writer.write(rng.integers(0, 255, (120, 160, 3), dtype=np.uint8))
+    writer.release()
+    data = bytearray(path.read_bytes())
+    starts = [at.start() for at in re.finditer(b"\xff\xd8\xff", data)]
+    middle = (starts[5] + starts[6]) // 2
+    data[middle : middle + 30] = b"\xff\x4e" * 15
+    path.write_bytes(bytes(data))
+    said: list[str] = []
+    with open_source(str(path)) as source:
+        source.notice = said.append
+        stamps = [round(frame.stamp_s * 20) for frame in source]
+    assert stamps == [0, 1, 2, 3, 4, 6, 7]
+    assert source.damaged == len(said) == 1
+    assert said[0].startswith(f"{path}: frame 6 ")
 
 
 def test_looped_the_stamps_go_on(tmp_path: Path) -> None:

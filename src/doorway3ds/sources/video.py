@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import threading
 from pathlib import Path
@@ -11,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.errors import UserError
+from doorway3ds.images.codec import read_image
+from doorway3ds.images.decode import size_of
 from doorway3ds.sources.base import Source, SourceLost, View
 from doorway3ds.sources.clock import Clock
 from doorway3ds.sources.reader import codec_of, orientation, pixel_aspect, rgb, square
@@ -21,6 +24,8 @@ _MOST_SKIPPED_S = 1.0  # of film at a stretch, so that a slow reader still sees 
 _SHORT = 0.9  # less than this fraction of the length and of the frames announced: it is cut
 _HIGHEST_FPS = 240.0  # what announces more counts ticks of a clock, not frames
 _MEASURED = 30
+_MOTION_JPEG = (b"mjpg", b"jpeg")
+_UNDECODED = -1  # value of CAP_PROP_FORMAT
 
 
 class VideoFile(Source):
@@ -28,6 +33,8 @@ class VideoFile(Source):
 
     pace: the film runs as on a screen; frames whose time passes while the reader is busy are
         skipped and counted. loop: begin again at the end, stamps going on.
+
+    Motion JPEG is decoded here, strictly; FFmpeg conceals what is damaged.
 
     Raises SourceLost after the last readable frame of a file that announced many more.
     """
@@ -39,7 +46,9 @@ class VideoFile(Source):
         self._path, self._view = path, view or View()
         self._pace, self._loop = pace, loop
         self._clock = Clock()
+        self._jpegs = False
         self._lock = threading.Lock()  # OpenCV's readers must not be released while they read
+        self._jpegs = _holds_jpegs(self._open())
         self._film = self._open()
         rate = self._film.get(cv2.CAP_PROP_FPS)
         count = self._film.get(cv2.CAP_PROP_FRAME_COUNT)
@@ -55,6 +64,8 @@ class VideoFile(Source):
 
     def _open(self) -> cv2.VideoCapture:
         film = cv2.VideoCapture(str(self._path.resolve()), cv2.CAP_FFMPEG)
+        if self._jpegs:
+            film.set(cv2.CAP_PROP_FORMAT, _UNDECODED)
         if not film.isOpened():
             film.release()
             self._refuse_codec()
@@ -146,8 +157,9 @@ class VideoFile(Source):
                 self._refuse_codec()
                 raise UserError(f"{self.name} holds no frame that can be read; is it whole?")
             if cut:
+                whole = read - self.damaged
                 raise SourceLost(
-                    f"{self.name} breaks off: {read} of about {self._announced} frames could be "
+                    f"{self.name} breaks off: {whole} of about {self._announced} frames could be "
                     f"read, up to {seen_s:.1f} of {self._length_s:.1f} s"
                 )
             return
@@ -157,9 +169,15 @@ class VideoFile(Source):
     def _picture(self) -> NDArray[np.uint8] | None:
         with self._lock:
             done, image = (False, None) if self.ended else self._film.retrieve()
-        if not done or image is None:
+        name = f"{self.name}: frame {self._number}"
+        try:
+            if not done or image is None:
+                raise UserError(f"{name} cannot be decoded")
+            if self._jpegs:
+                return read_image(image.tobytes(), name=name).image
+        except UserError as error:
             self.damaged += 1
-            self.notice(f"{self.name}: frame {self._number} cannot be decoded")
+            self.notice(str(error))
             return None
         return rgb(image)
 
@@ -168,3 +186,17 @@ class VideoFile(Source):
         with self._lock:
             self.ended = True
             self._film.release()
+
+
+def _holds_jpegs(film: cv2.VideoCapture) -> bool:
+    """Whether each frame is one whole JPEG, to be shown as it is; releases the film."""
+    codec = int(film.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little").lower()
+    size = tuple(int(film.get(p)) for p in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+    found = False
+    if codec in _MOTION_JPEG and orientation(film) == 1:
+        film.set(cv2.CAP_PROP_FORMAT, _UNDECODED)
+        done, packet = film.read()
+        with contextlib.suppress(UserError):
+            found = done and size_of(packet.tobytes()) == size
+    film.release()
+    return found
