@@ -276,6 +276,11 @@ def bearing_of_pixel(
     return np.where(reach > 0, seen, bearing)
 
 
+def wrapped_deg(angle_deg: float) -> float:
+    """The same direction as an angle from -180 up to 180 degrees."""
+    return (angle_deg + 180) % 360 - 180
+
+
 @lru_cache(maxsize=8)
 def grid_rays(camera: Camera, step: int = 1) -> Array:
     """(h, w, 3) camera-frame rays of every `step`-th row and column, the last row included.

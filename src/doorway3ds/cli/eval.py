@@ -79,7 +79,7 @@ def direction(
     Example: 3ds eval direction rooms --method opening,paper --out report
     """
     from doorway3ds.lab.evaluate import direction as scores
-    from doorway3ds.lab.evaluate import kinds, runners
+    from doorway3ds.lab.evaluate import kinds, runners, stored
     from doorway3ds.lab.evaluate.report import pages
     from doorway3ds.networks.mirrored import Mirrored
 
@@ -90,7 +90,7 @@ def direction(
             raise CallError("--answers scores what is stored; leave the network's options out")
         chosen, _ = next(_parts(dataset, pictures))
         dataset = chosen
-        runs = runners.match_answers(_progress(chosen.samples), runners.read_answers(answers))
+        runs = runners.match_answers(_progress(chosen.samples), stored.read_answers(answers))
     else:
         methods = [name.strip() for name in method.split(",")]
         names = network or ["doornet"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,6 +15,7 @@ from doorway3ds.cli.shared.output import say, write_numbers
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.training import Watch, command_line
 from doorway3ds.errors import CallError
+from doorway3ds.files import write_bytes
 from doorway3ds.lab.train.options import SiteOptions
 from doorway3ds.options import setting
 
@@ -72,15 +74,15 @@ def qualify(
     from doorway3ds.camera.choice import choose_camera
     from doorway3ds.lab.train.engine import backend as engine
     from doorway3ds.lab.train.engine import outcome
+    from doorway3ds.lab.train.engine.training import Run
     from doorway3ds.lab.train.site.fit import TuneOptions
     from doorway3ds.lab.train.site.qualify import (
+        SiteTraining,
         compare_answers,
         network_file,
         part,
         read_site,
-        write_model,
     )
-    from doorway3ds.lab.train.site.qualify import qualify as run
     from doorway3ds.lab.train.site.score import judge
 
     if report is not None:
@@ -88,65 +90,63 @@ def qualify(
     start = network_file(network)
     chosen = None if camera == LensOptions() else choose_camera(camera)
     count = Progress()
-    try:
-        pictures = read_site(
-            folder,
-            site.choice(seed),
-            places=site.read_places(),
-            camera=None if chosen is None else (chosen.fit, chosen.pose),
-            seen=count,
-        )
-        if answers:
+    facts = {"data": str(folder), "network": network, "command": command_line(), "licence": licence}
+    with tempfile.TemporaryDirectory(prefix="3ds-qualify-") as scratch:
+        run = Run(Path(scratch), watcher=_Brief(epochs), seen=count, facts=facts)
+        try:
+            pictures = read_site(
+                folder,
+                site.choice(seed),
+                places=site.read_places(),
+                camera=None if chosen is None else (chosen.fit, chosen.pose),
+                seen=run.seen,
+            )
+            if answers:
+                count.clear()
+                comparison = compare_answers(pictures, answers[0], answers[1], repeats, seed)
+                verdict = judge(comparison, 0.0)  # depth is not stored
+                _print(comparison, {"held_out": comparison.to_dict(), **asdict(verdict)}, json_file)
+                word = "better" if verdict.better else "not better"
+                _tell(f"{word}: {verdict.why}; depth is not compared", json_file)
+                return
+            parts = part(pictures, hold_out, seed)
+            say(
+                f"{len(pictures.samples)} images, {len(set(pictures.groups))} places by "
+                f"{pictures.grouping}: learns from {len(parts.learn)}, chooses by "
+                f"{len(parts.inner)}, judges by {len(parts.held)}; left out: "
+                f"{len(pictures.left_out)}; near-copies across the split: {parts.leaks}"
+            )
+            engine.start(threads)
+            done = SiteTraining(
+                folder,
+                pictures,
+                parts,
+                start,
+                run,
+                TuneOptions(epochs, learning_rate, batch, seed=seed),
+                replay=with_ or (),
+                hold_out=hold_out,
+                repeats=repeats,
+                tell=say,
+            )
+            card = done.train()
+        except KeyboardInterrupt:
             count.clear()
-            before, after = answers
-            comparison = compare_answers(pictures, before, after, repeats, seed)
-            verdict = judge(comparison, 0.0)  # depth is not stored
-            _print(comparison, {"held_out": comparison.to_dict(), **asdict(verdict)}, json_file)
-            word = "better" if verdict.better else "not better"
-            _tell(f"{word}: {verdict.why}; depth is not compared", json_file)
-            return
-        parts = part(pictures, hold_out, seed)
-        say(
-            f"{len(pictures.samples)} images, {len(set(pictures.groups))} places by "
-            f"{pictures.grouping}: learns from {len(parts.learn)}, chooses by "
-            f"{len(parts.inner)}, judges by {len(parts.held)}; left out: "
-            f"{len(pictures.left_out)}; near-copies across the split: {parts.leaks}"
-        )
-        engine.start(threads)
-        done = run(
-            folder,
-            parts,
-            pictures,
-            start,
-            replay=with_ or (),
-            options=TuneOptions(epochs, learning_rate, batch, seed=seed),
-            hold_out=hold_out,
-            repeats=repeats,
-            watcher=_Brief(epochs),
-            tell=say,
-            facts={
-                "data": str(folder),
-                "network": network,
-                "command": command_line(),
-                "licence": licence,
-            },
-        )
-    except KeyboardInterrupt:
-        count.clear()
-        say("stopped; nothing was written")
-        raise typer.Exit(_STOPPED) from None
-    if done.model is not None:
-        write_model(done, out)
+            say("stopped; nothing was written")
+            raise typer.Exit(_STOPPED) from None
+        if done.verdict.better:
+            write_bytes(out, (run.out / "site.onnx").read_bytes())
+            outcome.write_card(out, card)
     if report is not None:
-        from doorway3ds.lab.train.site import report as qualifyreport
+        from doorway3ds.lab.evaluate.report.html import write_report
 
-        say(f"wrote {qualifyreport.write(done, report)}")
-    _print(done.comparison, outcome.plain(done.card), json_file)
-    if done.model is None:
-        _tell(f"not better: {done.verdict.why}; no model was written", json_file)
-    else:
+        say(f"wrote {write_report(done.page(card), report, outcome.plain(card))}")
+    _print(done.comparison, outcome.plain(card), json_file)
+    if done.verdict.better:
         _tell(f"better: {done.verdict.why}", json_file)
         _tell(f"wrote {out}; to use it: 3ds look --network {out} photo.jpg", json_file)
+    else:
+        _tell(f"not better: {done.verdict.why}; no model was written", json_file)
 
 
 def _print(comparison: Comparison, card: dict[str, Any], json_file: Path | None) -> None:

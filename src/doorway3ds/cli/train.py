@@ -80,7 +80,7 @@ def doornet(
 
     from doorway3ds.lab.datasets.samples import parse_split
     from doorway3ds.lab.train.doornet.recipe import read_recipe
-    from doorway3ds.lab.train.doornet.run import Teachers, train_doornet
+    from doorway3ds.lab.train.doornet.run import DoorNetTraining, Teachers
 
     fold = parse_split(hold_out) if hold_out else None
     if report is not None and (fold is None or not 1 <= report <= fold[1] or report - 1 == fold[0]):
@@ -91,22 +91,19 @@ def doornet(
     chosen = replace(chosen, fit=replace(chosen.fit, **changed))
     epochs = sum(stage.epochs for stage in chosen.fit.stages)
     with run_of(out, epochs, running, precision) as run:
-        card = train_doornet(
+        training = DoorNetTraining(
             datasets,
             Teachers.in_folder(teachers),
             chosen,
-            out,
+            run,
             hold_out=fold,
             report=None if report is None else report - 1,
             marks=marks,
             calibration=calibration,
             init=init,
-            resume=run.resume,
             precision=precision,
-            watcher=run.watcher,
-            team=run.team,
-            command=run.facts["command"],
         )
+        card = training()
         if run.team.leads:
             _say_written("doornet", out, card)
 

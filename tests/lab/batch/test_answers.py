@@ -8,7 +8,8 @@ import pytest
 
 from doorway3ds.errors import UserError
 from doorway3ds.lab.datasets.readers import read_dataset
-from doorway3ds.lab.evaluate.runners import match_answers, read_answers
+from doorway3ds.lab.evaluate.runners import match_answers
+from doorway3ds.lab.evaluate.stored import read_answers
 from tests.conftest import Cli
 
 pytest.importorskip("pyarrow", reason="needs the extra 'batch'")

@@ -72,7 +72,7 @@ def test_a_kind_counts_from_two_percent_of_the_picture_on(nyu):
 def test_labels_that_are_no_labels_are_one_line(nyu):
     file = nyu / "labels" / "0045.png"
     cv2.imwrite(str(file), np.zeros((480, 640, 3), np.uint8))
-    with pytest.raises(UserError, match=r"0045\.png is not an 8-bit one-channel label image"):
+    with pytest.raises(UserError, match=r"0045\.png is not a one-channel 8-bit label image"):
         datasets.load_labels(read_dataset(nyu).samples[2])
 
 

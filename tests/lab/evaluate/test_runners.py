@@ -10,7 +10,8 @@ from doorway3ds.decide.opening import columns_from_spans
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.lab.datasets.readers import read_dataset
 from doorway3ds.lab.evaluate import direction, runners
-from doorway3ds.lab.evaluate.runners import Label, Protocol
+from doorway3ds.lab.evaluate.runners import Protocol
+from doorway3ds.lab.evaluate.stored import Label, read_answers
 from doorway3ds.types import Perception, Selection
 
 
@@ -92,8 +93,8 @@ def test_stored_answers_score_as_the_live_ones(nyu, tmp_path):
     lines = [json.dumps(answer) for column in runs.answers.values() for answer in column]
     file = tmp_path / "answers.jsonl"
     file.write_text("\n".join(lines) + "\n\n")
-    stored = runners.match_answers(read_dataset(nyu).samples, runners.read_answers([file]))
-    assert stored.records == runs.records
+    again = runners.match_answers(read_dataset(nyu).samples, read_answers([file]))
+    assert again.records == runs.records
 
 
 def test_answers_of_look_match_by_the_end_of_their_path(nyu, tmp_path):
@@ -110,7 +111,7 @@ def test_answers_of_look_match_by_the_end_of_their_path(nyu, tmp_path):
     }
     file = tmp_path / "look.jsonl"
     file.write_text(json.dumps(answer) + "\n")
-    runs = runners.match_answers(read_dataset(nyu).samples, runners.read_answers([file]))
+    runs = runners.match_answers(read_dataset(nyu).samples, read_answers([file]))
     (records,) = runs.records.values()
     assert [r.truth.image for r in records] == ["0002.jpg"]
     assert set(runs.left_out) == {"0003.jpg", "0045.jpg"}
@@ -129,14 +130,14 @@ def test_damaged_answers_are_refused(tmp_path, content, message):
     file = tmp_path / "answers.jsonl"
     file.write_text(content)
     with pytest.raises(UserError, match=message):
-        runners.read_answers([file])
+        read_answers([file])
 
 
 def test_an_answer_without_a_field_names_picture_and_field(nyu, tmp_path):
     file = tmp_path / "answers.jsonl"
     file.write_text('{"image": "0002.jpg", "method": "a", "network": "b", "openings": []}')
     with pytest.raises(UserError, match=r"a on b to 0002\.jpg lacks or spoils 'bearing_deg'"):
-        runners.match_answers(read_dataset(nyu).samples, runners.read_answers([file]))
+        runners.match_answers(read_dataset(nyu).samples, read_answers([file]))
 
 
 def test_classifier_records_carry_kinds_of_negatives_only(nyu):

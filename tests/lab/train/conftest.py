@@ -10,6 +10,9 @@ import numpy as np
 import onnx
 import pytest
 
+from doorway3ds.camera.info import write_camera_info
+from doorway3ds.camera.model import Camera
+
 # kernels of MobileNetV2 to its last stage, and of FastDepth, with few channels
 _STAGES = ((4, 1, 1), (4, 2, 2), (8, 3, 2), (8, 4, 2), (8, 3, 1), (8, 3, 2), (8, 1, 1))
 
@@ -113,4 +116,30 @@ def rendered(tmp_path: Path) -> Path:
         writer = csv.DictWriter(stream, rows[0])
         writer.writeheader()
         writer.writerows(rows)
+    return folder
+
+
+@pytest.fixture
+def marked(tmp_path: Path) -> Path:
+    """Eight photographs of two sizes marked by hand, of four rooms; a camera file, no depth."""
+    folder = tmp_path / "site"
+    rng = np.random.default_rng(8)
+    rows = ["image,open,left_px,right_px,clear,confidence,second,state,place"]
+    for index in range(8):
+        width, height = ((160, 120), (320, 240))[index % 2]
+        name = f"room{index // 2}/{index}.png"
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        image = rng.integers(40, 60, (height, width, 3), dtype=np.uint8)
+        image[:, width // 2 : width * 3 // 4] = 220
+        cv2.imwrite(str(folder / name), image)
+        span = f"{width / 2 - 0.5},{width * 3 / 4 - 0.5}"
+        rows.append(
+            (
+                f"{name},1,{span},1,3,0,open,room{index // 2}",
+                f"{name},0,,,,2,0,closed,room{index // 2}",
+                f"{name},1,{span},,1,0,half,room{index // 2}",
+            )[index % 3]
+        )
+    (folder / "doorways.csv").write_text("\n".join(rows) + "\n")
+    write_camera_info(Camera("lens", 640, 480, 600, 610, 320, 240), folder / "camera.yaml")
     return folder

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,7 +28,7 @@ from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.images.codec import image_size
 from doorway3ds.images.folder import images_in
-from doorway3ds.lab.datasets.csvfile import csv_columns, csv_rows, flag, number
+from doorway3ds.lab.datasets.csvfile import Row, csv_columns, csv_rows, flag, number
 from doorway3ds.lab.datasets.samples import Dataset, Marked, Sample
 
 LAYOUTS = ("nyu", "rendered", "plain", "boxes", "folders")
@@ -45,19 +45,9 @@ BOX_CAMERA = Camera.from_fov(480, 640, 64.0, name="64 deg portrait", assumed=Tru
 BOX_STATES: dict[str, bool | None] = {"open": True, "semi": None, "closed": False}
 
 CLASS_FOLDERS: dict[str, bool | None] = {
-    "open-door": True,
-    "opened-door": True,
-    "open": True,
-    "no-door": False,
-    "none": False,
-    "closed-door": False,
-    "close-door": False,
-    "closed": False,
-    "half-open": None,
-    "half-open-door": None,
-    "semi-open": None,
-    "semi-open-door": None,
-    "semi": None,
+    **dict.fromkeys(("open-door", "opened-door", "open"), True),
+    **dict.fromkeys(("no-door", "none", "closed-door", "close-door", "closed"), False),
+    **dict.fromkeys(("half-open", "half-open-door", "semi-open", "semi-open-door", "semi")),
 }
 
 # The renderer's words for what is no open doorway; "blank" and what is open are none of these.
@@ -131,26 +121,30 @@ def guess_layout(path: Path) -> str:
         if "fx_px" in csv_columns(doorways):
             return "rendered"
         return "nyu" if all((path / d).is_dir() for d in ("depth", "labels")) else "plain"
-    if any(_class_key(d.name) in CLASS_FOLDERS for d in path.iterdir() if d.is_dir()):
+    if any(d.is_dir() and _class_key(d.name) in CLASS_FOLDERS for d in path.glob("*")):
         return "folders"
     raise UserError(
         f"{path} has neither doorways.csv, boxes.csv nor folders like open-door/ and no-door/"
     )
 
 
+def _by_image(table: Path, columns: Sequence[str]) -> dict[str, list[tuple[str, Row]]]:
+    """Rows of each image, with where they stand."""
+    found: dict[str, list[tuple[str, Row]]] = {}
+    for where, row in csv_rows(table, columns):
+        found.setdefault(row["image"], []).append((where, row))
+    return found
+
+
 def _read_doorways(path: Path, layout: str) -> tuple[list[Sample], bool]:
-    table = path / "doorways.csv"
     required = ["image", "open", "left_px", "right_px"]
     if layout == "rendered":
         required.append("fx_px")
-    by_image: dict[str, list[tuple[str, dict[str, str]]]] = {}
-    for where, row in csv_rows(table, required):
-        by_image.setdefault(row["image"], []).append((where, row))
     known = True
     samples = []
     eyes = _read_eyes(path / "truth.jsonl") if layout == "rendered" else {}
     poses = _read_views(path / VIEWS_FILE) if layout == "plain" else {}
-    for name, rows in by_image.items():
+    for name, rows in _by_image(path / "doorways.csv", required).items():
         where, main = rows[0]
         stem = Path(name).stem
         if main.get("place"):
@@ -214,11 +208,13 @@ def folder_camera(path: Path) -> FitCamera:
 def _with_files(
     sample: Sample, path: Path, layout: str, row: Mapping[str, str], where: str
 ) -> Sample:
-    png = Path(sample.name).stem + ".png"
-    depth = path / "depth" / png
-    depth_path = depth if depth.is_file() else None
+    depth_path, labels_path, floor_path = (
+        file if file.is_file() else None
+        for file in (
+            path / part / f"{Path(sample.name).stem}.png" for part in ("depth", "labels", "floor")
+        )
+    )
     if layout == "nyu":
-        labels = path / "labels" / png
         return replace(
             sample,
             camera=NYU_CAMERA,
@@ -226,7 +222,7 @@ def _with_files(
             depth_path=depth_path,
             depth_unit_m=NYU_UNIT_M,
             depth_full=255,
-            labels_path=labels if labels.is_file() else None,
+            labels_path=labels_path,
             eigen_box=NYU_EIGEN_BOX,
         )
     if layout == "plain":
@@ -255,7 +251,7 @@ def _with_files(
         yaw_deg=given("yaw_deg", 0),
         roll_deg=given("roll_deg", 0),
     )
-    return replace(sample, camera=camera, pose=pose, depth_path=depth_path, depth_unit_m=0.001)
+    return replace(sample, camera=camera, pose=pose, depth_path=depth_path, floor_path=floor_path)
 
 
 def _read_views(path: Path) -> dict[str, Pose]:
@@ -325,23 +321,21 @@ def _confidence(row: Mapping[str, str], where: str) -> int:
 
 
 def _read_boxes(path: Path) -> tuple[list[Sample], bool]:
-    table = path / "boxes.csv"
     sides = ("left", "top", "right", "bottom")
-    by_image: dict[str, list[tuple[str, dict[str, str]]]] = {}
-    for where, row in csv_rows(table, ("image", "state", *sides)):
-        if row["state"] not in BOX_STATES:
-            raise UserError(
-                f"{where}: expected a state of open, semi, closed, got '{row['state']}'"
-            )
-        by_image.setdefault(row["image"], []).append((where, row))
+    by_image = _by_image(path / "boxes.csv", ("image", "state", *sides))
     samples = []
     known = all(rows[0][1].get("place") for rows in by_image.values())
     for name, rows in by_image.items():
+        for where, row in rows:
+            if row["state"] not in BOX_STATES:
+                raise UserError(
+                    f"{where}: expected a state of open, semi, closed, got '{row['state']}'"
+                )
         states = {row["state"] for _, row in rows}
         state = next(s for s in BOX_STATES if s in states)
-        openings = []
+        openings, leaves = [], []
         for where, row in rows:
-            left, right = number(row, "left", where), number(row, "right", where)
+            left, top, right, bottom = (number(row, side, where) for side in sides)
             if left is None or right is None or not 0 <= left < right <= 1:
                 raise UserError(
                     f"{where}: expected fractions 0 <= left < right <= 1, "
@@ -350,6 +344,8 @@ def _read_boxes(path: Path) -> tuple[list[Sample], bool]:
             if row["state"] != "closed":
                 width = BOX_CAMERA.width
                 openings.append(Marked(left * width - 0.5, right * width - 0.5))
+            elif top is not None and bottom is not None:
+                leaves.append((left, top, right, bottom))
         place = rows[0][1].get("place") if known else None
         samples.append(
             Sample(
@@ -361,6 +357,7 @@ def _read_boxes(path: Path) -> tuple[list[Sample], bool]:
                 kinds=("closed door",) if state == "closed" else (),
                 camera=BOX_CAMERA,
                 size=(BOX_CAMERA.width, BOX_CAMERA.height),
+                leaf=leaves[0] if leaves else None,
             )
         )
     return samples, known

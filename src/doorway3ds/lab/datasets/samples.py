@@ -57,7 +57,8 @@ class Sample:
     open nor closed (half open). crop: (top, bottom, left, right) to cut from picture, depth
     and labels alike. size: (width, height) to stretch the picture to. depth_unit_m: metres per
     count; counts of 0 are unknown. depth_full: the count that
-    stands for DEPTH_FULL_M or more. eigen_box: the Eigen crop in the cropped picture.
+    stands for DEPTH_FULL_M or more. leaf: left, top, right, bottom of a closed door as fractions
+    of the picture. eigen_box: the Eigen crop in the cropped picture.
     """
 
     name: str
@@ -76,6 +77,8 @@ class Sample:
     depth_unit_m: float = 0.001
     depth_full: int | None = None
     labels_path: Path | None = None
+    floor_path: Path | None = None
+    leaf: tuple[float, float, float, float] | None = None
     eigen_box: tuple[int, int, int, int] | None = None
 
 
@@ -111,10 +114,7 @@ def load_depth(sample: Sample) -> NDArray[np.float32] | None:
     """True depth (H, W) in metres, nan where unknown; None where the sample has none."""
     if sample.depth_path is None:
         return None
-    raw = cv2.imread(str(sample.depth_path), cv2.IMREAD_UNCHANGED)
-    if raw is None or raw.ndim != 2:
-        raise UserError(f"{sample.depth_path} is not a one-channel depth image that can be read")
-    counts = _cropped(raw, sample)
+    counts = _read_map(sample.depth_path, sample, "depth image")
     depth = counts.astype(np.float32) * np.float32(sample.depth_unit_m)
     depth[counts == 0] = np.nan
     if sample.depth_full is not None:
@@ -126,10 +126,21 @@ def load_labels(sample: Sample) -> NDArray[np.uint8] | None:
     """The class of each pixel (H, W) as in NYU_KINDS; None where the sample tells none."""
     if sample.labels_path is None:
         return None
-    labels = cv2.imread(str(sample.labels_path), cv2.IMREAD_UNCHANGED)
-    if labels is None or labels.ndim != 2 or labels.dtype != np.uint8:
-        raise UserError(f"{sample.labels_path} is not an 8-bit one-channel label image")
-    return np.asarray(_cropped(labels, sample), np.uint8)
+    return _read_map(sample.labels_path, sample, "8-bit label image", np.uint8)
+
+
+def load_floor(sample: Sample) -> NDArray[np.bool_] | None:
+    """Whether each pixel (H, W) shows floor; None where the sample does not tell."""
+    if sample.floor_path is None:
+        return None
+    return np.asarray(_read_map(sample.floor_path, sample, "8-bit mask", np.uint8) > 127)
+
+
+def _read_map(path: Path, sample: Sample, what: str, dtype: Any = None) -> NDArray[Any]:
+    values = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if values is None or values.ndim != 2 or dtype not in (None, values.dtype):
+        raise UserError(f"{path} is not a one-channel {what} that can be read")
+    return _cropped(np.asarray(values), sample)
 
 
 def kinds_shown(sample: Sample, labels: NDArray[np.uint8] | None) -> tuple[str, ...]:

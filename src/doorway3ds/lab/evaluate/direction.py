@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from doorway3ds.camera.model import wrapped_deg
 from doorway3ds.lab.datasets.truth import PictureTruth
 from doorway3ds.lab.evaluate import intervals, metrics
 from doorway3ds.lab.evaluate.intervals import Indices, Interval, nan_mean, nan_quantile
@@ -188,7 +189,7 @@ def judge(record: DirectionRecord, tolerance_deg: float = TOLERANCE_DEG) -> Outc
     matched, error, within, inside, range_error = 0, nan, 0.0, 0.0, nan
     if record.listed:
         bearing, range_m = record.listed[0]
-        errors = [_turn_between(bearing, o.bearing_deg) for o in openings]
+        errors = [wrapped_deg(bearing - o.bearing_deg) for o in openings]
         matched = int(np.argmin(np.abs(errors)))
         error = errors[matched]
         truth = openings[matched]
@@ -310,11 +311,6 @@ def _statistic(
     counts |= {name: int(np.sum(~np.isnan(v))) for name, (v, _) in quantiles.items()}
     counts["auc"] = int(np.sum(~np.isnan(is_open)))
     return statistic, [counts[name] for name in METRICS]
-
-
-def _turn_between(a_deg: float, b_deg: float) -> float:
-    """a - b, wrapped to -180..180."""
-    return (a_deg - b_deg + 180) % 360 - 180
 
 
 def _optional(value: Any) -> float | None:

@@ -12,14 +12,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.decide.gates import Gates
 from doorway3ds.decide.pipeline import operating_point
 from doorway3ds.errors import UserError
-from doorway3ds.files import write_bytes
+from doorway3ds.images.codec import write_image
 from doorway3ds.lab.datasets.csvfile import csv_rows
 from doorway3ds.lab.datasets.readers import read_dataset
 from doorway3ds.lab.datasets.samples import Dataset, Sample
@@ -27,8 +26,8 @@ from doorway3ds.lab.evaluate import direction, intervals, metrics, runners
 from doorway3ds.lab.evaluate.classifier import ECE_BINS
 from doorway3ds.lab.evaluate.direction import DirectionRecord
 from doorway3ds.lab.evaluate.intervals import Indices, Interval
-from doorway3ds.lab.evaluate.report.pages import WORST, badness
-from doorway3ds.lab.evaluate.report.sheets import contact_sheet, direction_tile
+from doorway3ds.lab.evaluate.report.html import cell, markdown
+from doorway3ds.lab.evaluate.report.pages import worst_directions
 from doorway3ds.networks.base import Network
 from doorway3ds.types import Reason
 
@@ -211,40 +210,25 @@ def compare(
         else:
             first = records
         if sheets is not None:
-            _write_worst(sheets / f"{part.name}-{number}.png", part.samples, records)
+            sheet = worst_directions({s.name: s for s in part.samples}, records)
+            if sheet is not None:
+                write_image(sheets / f"{part.name}-{number}.png", sheet)
     return rows
-
-
-def _write_worst(path: Path, samples: Sequence[Sample], records: Sequence[DirectionRecord]) -> None:
-    by_name = {s.name: s for s in samples}
-    judged = [(r, direction.judge(r)) for r in records]
-    judged.sort(key=lambda pair: badness(pair[1], pair[0]), reverse=True)
-    tiles = [direction_tile(by_name[r.truth.image], r, o) for r, o in judged[:WORST]]
-    sheet = cv2.cvtColor(contact_sheet(tiles), cv2.COLOR_RGB2BGR)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_bytes(path, cv2.imencode(".png", sheet)[1].tobytes())
 
 
 def table(rows: Iterable[Row]) -> str:
     """Markdown: set, file, doorways, COLUMNS."""
     heads = ["places held out", "file", "pictures", "doorways", *COLUMNS.values()]
-    lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
-    for row in rows:
-        cells = [_cell(key, row.values.get(key)) for key in COLUMNS]
-        first = [row.name, row.file, str(row.pictures), str(row.doorways)]
-        lines.append("| " + " | ".join([*first, *cells]) + " |")
-    return "\n".join(lines) + "\n"
+    unknown = Interval(math.nan, math.nan, math.nan, 0)
 
+    def told(row: Row, key: str) -> str:
+        unit = "" if key in ("auc", "ece") else "share"
+        return cell(row.values.get(key, unknown), unit, to=" to ")
 
-def _cell(key: str, value: Interval | None) -> str:
-    if value is None or math.isnan(value.value):
-        return "–"
-    plain = key in ("auc", "ece")
-    digits, scale, unit = (3, 1, "") if plain else (1, 100, " %")
-
-    def told(number: float) -> str:
-        return f"{number * scale:.{digits}f}"
-
-    if math.isnan(value.low):
-        return f"{told(value.value)}{unit}"
-    return f"{told(value.value)}{unit} ({told(value.low)} to {told(value.high)})"
+    return markdown(
+        heads,
+        [
+            [r.name, r.file, str(r.pictures), str(r.doorways), *(told(r, key) for key in COLUMNS)]
+            for r in rows
+        ],
+    )

@@ -8,6 +8,8 @@ import pytest
 from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.lab.datasets import samples as datasets
 from doorway3ds.lab.datasets.truth import PictureTruth, TruthOpening
+from doorway3ds.lab.evaluate import classifier
+from doorway3ds.lab.evaluate.classifier import ClassifierRecord
 from doorway3ds.lab.evaluate.direction import DirectionRecord, judge
 from doorway3ds.lab.evaluate.intervals import Interval
 from doorway3ds.lab.evaluate.report import pages, plots, sheets
@@ -86,6 +88,14 @@ def test_worst_first():
     assert pages.badness(judge(record("no_door", [3], [])), record("no_door", [3], [])) == 0
     unmarked = replace(record("turn", [3], []), truth=PictureTruth("a", "p", True))
     assert pages.badness(judge(unmarked), unmarked) == 0  # nobody can tell
+
+
+def test_a_kind_that_only_some_columns_show_has_no_share_in_the_others():
+    shown = ClassifierRecord("a", "1", False, 0.7, ("mirror",))
+    scored = {"x": classifier.score([shown]), "y": classifier.score([replace(shown, kinds=())])}
+    title, _, cells = pages.classifier_table(scored).rows[-1]
+    assert title == "called open: mirror, Wilson, n = 0 to 1"
+    assert cells[0].startswith("100.0 %") and cells[1] == "–"
 
 
 def test_plots_are_pictures():

@@ -22,7 +22,8 @@ def test_the_pinhole_sees_all_that_the_lens_sees() -> None:
     y = rays[..., 1] * pinhole.fy + pinhole.cy
     assert x.min() >= 0 and x.max() <= pinhole.width - 1
     assert y.min() >= 0 and y.max() <= pinhole.height - 1
-    assert sensor.pinhole_for(camera()) is not None
+    plain = camera()
+    assert sensor.pinhole_for(plain) is plain
 
 
 def test_depth_of_a_plane_survives_the_lens() -> None:

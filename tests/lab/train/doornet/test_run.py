@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -16,11 +14,8 @@ pytest.importorskip("torch")
 os.environ["KERAS_BACKEND"] = "torch"  # before Keras is first imported
 pytest.importorskip("keras")
 
-from doorway3ds.camera.info import write_camera_info
-from doorway3ds.camera.model import Camera
 from doorway3ds.cli.main import run
 from doorway3ds.decide.pipeline import Pipeline
-from doorway3ds.errors import UserError
 from doorway3ds.networks.doornet import DoorNet
 
 pytestmark = pytest.mark.train
@@ -42,32 +37,6 @@ def recipe(tmp_path: Path) -> Path:
     path = tmp_path / "recipe.yaml"
     path.write_text(RECIPE)
     return path
-
-
-@pytest.fixture
-def marked(tmp_path: Path) -> Path:
-    """Eight photographs of two sizes marked by hand, of four rooms; a camera file, no depth."""
-    folder = tmp_path / "site"
-    rng = np.random.default_rng(8)
-    rows = ["image,open,left_px,right_px,clear,confidence,second,state,place"]
-    for index in range(8):
-        width, height = ((160, 120), (320, 240))[index % 2]
-        name = f"room{index // 2}/{index}.png"
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        image = rng.integers(40, 60, (height, width, 3), dtype=np.uint8)
-        image[:, width // 2 : width * 3 // 4] = 220
-        cv2.imwrite(str(folder / name), image)
-        span = f"{width / 2 - 0.5},{width * 3 / 4 - 0.5}"
-        rows.append(
-            (
-                f"{name},1,{span},1,3,0,open,room{index // 2}",
-                f"{name},0,,,,2,0,closed,room{index // 2}",
-                f"{name},1,{span},,1,0,half,room{index // 2}",
-            )[index % 3]
-        )
-    (folder / "doorways.csv").write_text("\n".join(rows) + "\n")
-    write_camera_info(Camera("lens", 640, 480, 600, 610, 320, 240), folder / "camera.yaml")
-    return folder
 
 
 def train(rendered: Path, teachers: Path, recipe: Path, out: Path, *more: str) -> int:
@@ -125,49 +94,6 @@ def test_train_export_and_look(
     assert (out / "stage-1.weights.h5").is_file()
 
 
-def test_photographs_marked_by_hand_are_samples_without_depth(marked: Path) -> None:
-    from doorway3ds.lab.train.doornet.data.samples import read_marked
-
-    samples = read_marked(marked, longer=200)
-    assert [s.open for s in samples] == [1, 0, None, 1, 0, None, 1, 0]
-    assert [s.weight for s in samples[:3]] == [1.0, 0.8, 0.4]
-    assert [s.place for s in samples[:3]] == ["site-room0", "site-room0", "site-room1"]
-    assert all(s.depth_m is None and s.segments is None for s in samples)
-    assert {s.source for s in samples} == {"site"}
-    # taken from within the doorway, which covers most of the picture
-    text = (marked / "doorways.csv").read_text().replace("79.5,119.5", "9.5,119.5")
-    (marked / "doorways.csv").write_text(text)
-    assert [s.weight for s in read_marked(marked)[:3]] == pytest.approx([0.3, 0.8, 0.12])
-    whole, _, _, halved = samples[:4]
-    assert (whole.image.shape, halved.image.shape) == ((120, 160, 3), (150, 200, 3))
-    assert (whole.spans[0].left, whole.spans[0].right) == (79.5, 119.5)
-    assert (halved.spans[0].left, halved.spans[0].right) == (99.5, 149.5)
-    # the camera file is for 640x480: a quarter of it, by pixel centres
-    assert whole.camera == pytest.approx((150, 152.5, 320.5 / 4 - 0.5, 240.5 / 4 - 0.5))
-
-
-def test_places_are_those_told_and_those_that_look_alike(marked: Path) -> None:
-    from doorway3ds.lab.train.doornet.data.samples import read_marked
-
-    rng = np.random.default_rng(1)
-    lines = ["image,open,left_px,right_px,place"]
-    for index in range(8):
-        image = cv2.resize(rng.integers(0, 255, (6, 8, 3), dtype=np.uint8), (160, 120))
-        if index == 0:
-            first = image
-        if index == 7:  # the first again, mirrored and larger
-            image = cv2.resize(np.ascontiguousarray(first[:, ::-1]), (320, 240))
-        name = f"room{index // 2}/{index}.png"
-        cv2.imwrite(str(marked / name), image)
-        lines.append(f"{name},1,10,90,{'attic' if index in (2, 5) else ''}")
-    (marked / "doorways.csv").write_text("\n".join(lines) + "\n")
-    (marked / "camera.yaml").unlink()
-    places = [s.place for s in read_marked(marked)]
-    assert places[0] == places[7]
-    assert places[2] == places[5]
-    assert len(set(places)) == 6
-
-
 def test_encoders_run_alike_in_keras_and_in_onnx_runtime(teachers: Path) -> None:
     import keras
     import torch
@@ -197,19 +123,6 @@ def test_places_never_cross_the_split(rendered: Path) -> None:
         kept, held = split(samples, fold, 3)
         assert {s.place for s in kept}.isdisjoint({s.place for s in held})
         assert len(kept) + len(held) == len(samples)
-
-
-def test_places_are_found_by_likeness() -> None:
-    from doorway3ds.lab.train.doornet.data.samples import cluster_places
-
-    rng = np.random.default_rng(0)
-    centres = rng.normal(0, 1, (5, 64))
-    one = centres[np.arange(20) % 5] + rng.normal(0, 0.1, (20, 64))
-    mirrored = rng.normal(0, 1, (20, 64))
-    mirrored[0] = one[3]  # picture 0 is the mirror image of picture 3's place
-    places = cluster_places(np.stack([one, mirrored], axis=1).astype(np.float32), 0.8)
-    assert places[0] == places[3]
-    assert len(set(places)) == 4
 
 
 def test_what_was_learned_is_blended_with_what_it_began_with(
@@ -252,64 +165,10 @@ def test_what_was_learned_is_blended_with_what_it_began_with(
     assert "give --init FILE" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("stages: [{epochs: 1, learning_rate: 0.1, warmth: 3}]", "unknown warmth"),
-        ("batch: 4", "needs a list `stages`"),
-        ("{", "is not valid YAML"),
-        ("stages: [{epochs: 1, learning_rate: fast}]", "learning_rate must be a number"),
-        ("{stages: [{epochs: 1, learning_rate: 1}], same_place: near}", "same_place must be a n"),
-        ("{stages: [{epochs: 1, learning_rate: 1}], closed_weight: -1}", "closed_weight must be"),
-        ("{stages: [{epochs: 1, learning_rate: 1}], costs: {missed: 0}}", "must be above 0"),
-        ("{stages: [{epochs: 1, learning_rate: 1}], costs: {missed: high}}", "missed must be a n"),
-        ("{stages: [{epochs: 1, learning_rate: 1}], costs: 3}", "costs: expected a mapping"),
-        ("{stages: [{epochs: 1, learning_rate: 1}], init_share: 1.5}", "a share from 0 to 1"),
-        ("{stages: [{epochs: 1, learning_rate: 1}], first_share: 2}", "first_share must be a sh"),
-        ("{stages: [{epochs: 1, learning_rate: 1}], shares: 2}", "shares must be a mapping"),
-        ("{stages: [{epochs: 1, learning_rate: 1}], shares: {nyu: most}}", "nyu must be a number"),
-        ("{stages: [{epochs: 1, learning_rate: 1}], shares: {nyu: .nan}}", "nyu must be a number"),
-        ("{stages: [{epochs: 1, learning_rate: 1}], portrait_shares: {nyu: -1}}", "nyu must be a"),
-    ],
-)
-def test_a_wrong_recipe_is_named(tmp_path: Path, text: str, message: str) -> None:
-    from doorway3ds.lab.train.doornet.recipe import read_recipe
-
-    path = tmp_path / "r.yaml"
-    path.write_text(text)
-    with pytest.raises(UserError, match=message):
-        read_recipe(path)
-
-
-def test_the_packaged_recipe_is_whole() -> None:
-    from doorway3ds.lab.train.doornet.recipe import read_recipe
-
-    recipe = read_recipe()
-    assert sum(stage.epochs for stage in recipe.fit.stages) > 0
-    assert replace(recipe.fit, seed=3).seed == 3
-
-
-def test_close_ups_of_closed_doors_count_as_told(tmp_path: Path) -> None:
-    from doorway3ds.lab.train.doornet.data.samples import read_doors
-
-    rows = ["image,state,left,top,right,bottom"]
-    (tmp_path / "images").mkdir()
-    for number, state in enumerate(("closed", "open", "semi", "closed")):
-        cv2.imwrite(
-            str(tmp_path / "images" / f"{number}.png"), np.full((104, 104, 3), 90, np.uint8)
-        )
-        rows.append(f"{number}.png,{state},0.2,0.1,0.8,0.9")
-    rows.append("3.png,open,0.8,0.1,0.9,0.9")
-    (tmp_path / "boxes.csv").write_text("\n".join(rows) + "\n")
-    samples = read_doors(tmp_path, {}, closed_weight=1.7)
-    assert [sample.open for sample in samples] == [0, 1, None, 1]
-    assert [sample.weight for sample in samples] == [1.7, 1.0, 1.0, 1.0]
-
-
 def test_what_is_no_data_set_is_refused(
     tmp_path: Path, teachers: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["train", "doornet", str(tmp_path), "--teachers", str(teachers)]) == 1
-    assert "is not a data set" in capsys.readouterr().err
+    assert "has neither doorways.csv" in capsys.readouterr().err
     assert run(["train", "doornet", str(tmp_path), "--teachers", str(tmp_path)]) == 1
     assert "holds no deeplabv3" in capsys.readouterr().err

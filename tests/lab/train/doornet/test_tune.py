@@ -5,11 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import pytest
-
-pytest.importorskip("torch")
-
-from doorway3ds.camera import Camera, write_camera_info
+from doorway3ds.camera.info import write_camera_info
+from doorway3ds.camera.model import Camera
 from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.lab.datasets.readers import read_dataset
 from doorway3ds.lab.evaluate.overview import HeldSet
@@ -18,8 +15,6 @@ from doorway3ds.networks.doornet import DoorNet
 from tests import factories
 from tests.conftest import Cli
 from tests.factories import write_site
-
-pytestmark = pytest.mark.train
 
 
 def test_limits_keep_within_the_bounds(tmp_path: Path) -> None:

@@ -1,10 +1,8 @@
-"""Qualification of a site: parts without leaks, and a rule that can say no."""
+"""Qualification of a site: its pictures in parts without leaks, and what is written."""
 
 from __future__ import annotations
 
 import json
-import math
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,30 +11,23 @@ import cv2
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch")
-os.environ["KERAS_BACKEND"] = "torch"  # before Keras is first imported
-keras = pytest.importorskip("keras")
-
-from doorway3ds.cli.main import run  # noqa: E402
-from doorway3ds.errors import UserError  # noqa: E402
-from doorway3ds.lab.datasets.truth import PictureTruth, TruthOpening  # noqa: E402
-from doorway3ds.lab.evaluate.direction import DirectionRecord  # noqa: E402
-from doorway3ds.lab.train.doornet.data.augment import view  # noqa: E402
-from doorway3ds.lab.train.doornet.data.samples import Sample  # noqa: E402
-from doorway3ds.lab.train.doornet.export import export_onnx  # noqa: E402
-from doorway3ds.lab.train.doornet.model import DoorNetConfig, build_doornet  # noqa: E402
-from doorway3ds.lab.train.site import score as qualifyscore  # noqa: E402
-from doorway3ds.lab.train.site.qualify import part, read_replay, read_site  # noqa: E402
-from tests import factories  # noqa: E402
-from tests.factories import write_site  # noqa: E402
-
-pytestmark = pytest.mark.train
+from doorway3ds.cli.main import run
+from doorway3ds.errors import UserError
+from doorway3ds.lab.train.doornet.data.augment import view
+from doorway3ds.lab.train.doornet.data.samples import Sample
+from doorway3ds.lab.train.doornet.export import export_onnx
+from doorway3ds.lab.train.doornet.model import DoorNetConfig, build_doornet
+from doorway3ds.lab.train.engine.backend import start
+from doorway3ds.lab.train.site.qualify import part, read_replay, read_site
+from tests import factories
+from tests.factories import write_site
 
 
 @pytest.fixture(scope="module")
 def network(teachers: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An untrained network whose batch norm knows pictures like the site's."""
-    keras.config.set_image_data_format("channels_first")
+    torch = pytest.importorskip("torch")
+    keras = start(1)
     keras.utils.set_random_seed(4)
     net = build_doornet(
         teachers / "deeplabv3_mnv2_ade20k_512.onnx",
@@ -62,6 +53,7 @@ def network(teachers: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.train
 def test_nothing_is_written_when_it_is_not_better(
     network: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -73,6 +65,7 @@ def test_nothing_is_written_when_it_is_not_better(
     assert not out.parent.exists()
 
 
+@pytest.mark.train
 def test_ctrl_c_writes_nothing_and_says_so(
     network: Path,
     tmp_path: Path,
@@ -176,58 +169,6 @@ def test_an_unmarked_opening_teaches_p_open_and_no_column() -> None:
     assert view(sample, (256, 192), rng).p_open_weight == 0
     closed = view(replace(sample, open=0), (192, 256), None)
     assert (closed.p_open, closed.score_weight.min()) == (0, 1)
-
-
-def records(answers: str, truth: str, reason: str = "turn") -> list[DirectionRecord]:
-    """One place each; o: an opening at 0 degrees, s: one that is not marked, n: none.
-
-    Answers: x: points at it, y: called open but points beside, -: called not open.
-    """
-    opening = TruthOpening(10, -10, 0, 2.0, True)
-    found = []
-    for number, (said, is_so) in enumerate(zip(answers, truth, strict=True)):
-        shown = PictureTruth(
-            f"{number}", f"{number}", is_so != "n", (opening,) if is_so == "o" else ()
-        )
-        listed = ((0.0 if said == "x" else 40.0, 2.0),)
-        p_open, why = (0.1, "no_door") if said == "-" else (0.9, reason)
-        found.append(DirectionRecord(shown, listed, why, p_open, True))
-    return found
-
-
-@pytest.mark.parametrize(
-    ("before", "after", "truth", "change", "why"),
-    [
-        ("yyyyxxxxxxxx", "xxxxxx------", "oooosnnnnnnn", 0.0, ""),
-        # as it was, and a gain that one place alone brings
-        ("xxxxxx------", "xxxxxx------", "ossossnnnnnn", 0.0, "does not exclude"),
-        ("yxxxxx------", "xxxxxx------", "ossossnnnnnn", 0.0, "does not exclude"),
-        # refuses everything: right more often, and useless
-        ("xxxxyyyyxxxxxxxx", "-" * 16, "oooooooonnnnnnnn", 0.0, "fewer doorways"),
-        # depth is another's
-        ("yyyyxxxxxxxx", "xxxxxx------", "oooossnnnnnn", 0.08, "depth changes by 8.0 %"),
-    ],
-)
-def test_the_rule(before: str, after: str, truth: str, change: float, why: str) -> None:
-    first, second = records(before, truth), records(after, truth)
-    verdict = qualifyscore.judge(qualifyscore.compare(first, second, 500), change)
-    assert verdict.better is (why == ""), verdict.why
-    assert why in verdict.why
-
-
-def test_going_where_no_doorway_is_spoils_any_gain() -> None:
-    truth = "oooooossnnnn"
-    before = records("yyyyyyxx----", truth)
-    after = records("xxxxxxxx----", truth)
-    after[-1] = replace(after[-1], reason="turn")
-    compared = qualifyscore.compare(before, after, 500)
-    verdict = qualifyscore.judge(compared, 0.0)
-    assert not verdict.better
-    assert "goes where there is no doorway +25.0 points" in verdict.why
-    assert compared.before["found"].value == pytest.approx(2 / 8)
-    assert compared.after["inside"].n == 6
-    assert compared.after["go_without_door"].n == 4  # what is open and not marked is not among them
-    assert math.isnan(compared.after["go_when_blocked"].value)
 
 
 def test_stored_answers_of_two_networks_are_judged_by_the_same_rule(

@@ -6,7 +6,7 @@ import base64
 import html
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -64,19 +64,31 @@ class Report:
         self.pictures[stem] = (title, png, False)
 
 
-def cell(value: Interval, unit: str) -> str:
-    """ "62.1 % (55.0-68.9)"; a dash where the value is unknown."""
+def cell(
+    value: Interval, unit: str, *, to: str = "–", digits: int | None = None, signed: bool = False
+) -> str:
+    """ "62.1 % (55.0–68.9)"; a dash where the value is unknown.
+
+    unit: as `direction.Metric`'s. to: between the interval's ends.
+    """
     if not math.isfinite(value.value):
         return "–"
-    factor, digits, suffix = {
+    factor, usual, suffix = {
         "share": (100, 1, " %"),
         "deg": (1, 1, "°"),
         "m": (1, 2, " m"),
     }.get(unit, (1, 3, ""))
-    text = f"{value.value * factor:.{digits}f}{suffix}"
+    form = f"{'+' if signed else ''}.{usual if digits is None else digits}f"
+    text = f"{value.value * factor:{form}}{suffix}"
     if math.isfinite(value.low):
-        text += f" ({value.low * factor:.{digits}f}–{value.high * factor:.{digits}f})"
+        text += f" ({value.low * factor:{form}}{to}{value.high * factor:{form}})"
     return text
+
+
+def markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table in Markdown."""
+    lines = [f"| {' | '.join(heads)} |", "|" + "---|" * len(heads)]
+    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)]) + "\n"
 
 
 def write_report(report: Report, folder: Path, data: Mapping[str, Any]) -> Path:

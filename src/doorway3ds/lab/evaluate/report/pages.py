@@ -15,12 +15,13 @@ from doorway3ds.lab.evaluate import classifier, depth, direction, kinds
 from doorway3ds.lab.evaluate.classifier import ClassifierMetrics, ClassifierRecord
 from doorway3ds.lab.evaluate.depth import DepthMetrics, DepthRecord
 from doorway3ds.lab.evaluate.direction import METRICS, DirectionMetrics, DirectionRecord, Outcome
-from doorway3ds.lab.evaluate.intervals import Interval
+from doorway3ds.lab.evaluate.intervals import Interval, wilson
 from doorway3ds.lab.evaluate.kinds import KindScore
 from doorway3ds.lab.evaluate.metrics import DEPTH_LIMITS_M
 from doorway3ds.lab.evaluate.report import plots, sheets
 from doorway3ds.lab.evaluate.report.html import Report, Table, cell
-from doorway3ds.lab.evaluate.runners import Label, Protocol
+from doorway3ds.lab.evaluate.runners import Protocol
+from doorway3ds.lab.evaluate.stored import Label
 
 WORST = 16  # pictures on a contact sheet
 UNITS = {"rmse": "m"}
@@ -40,11 +41,7 @@ DEPTH_NOTE = (
 
 def direction_table(scored: Mapping[Label, DirectionMetrics]) -> Table:
     rows = [
-        (
-            f"{metric.title}, {_counts([s[name] for s in scored.values()])}",
-            metric.about,
-            [cell(s[name], metric.unit) for s in scored.values()],
-        )
+        _row(metric.title, metric.about, [s[name] for s in scored.values()], metric.unit)
         for name, metric in METRICS.items()
     ]
     return Table("Direction and way", [str(label) for label in scored], rows)
@@ -57,11 +54,7 @@ def difference_table(
     if not differences:
         return None
     rows = [
-        (
-            f"{m.title}, {_counts([d[name] for d in differences.values()])}",
-            f"{m.better} is better",
-            [cell(d[name], m.unit) for d in differences.values()],
-        )
+        _row(m.title, f"{m.better} is better", [d[name] for d in differences.values()], m.unit)
         for name, m in METRICS.items()
     ]
     return Table(f"Minus {first}", [str(label) for label in differences], rows)
@@ -133,15 +126,8 @@ def add_direction_pictures(
     report.add_plot("bearing", "Bearing errors", plots.bearing_errors(by_name))
     report.add_plot("shares", "Shares", plots.shares({str(k): s for k, s in scored.items()}))
     for number, (label, column) in enumerate(records.items(), 1):
-        judged = [(direction.judge(r), r) for r in column]
-        worst = sorted(judged, key=lambda pair: -badness(*pair))[:WORST]
-        tiles = [
-            sheets.direction_tile(samples[r.truth.image], r, outcome)
-            for outcome, r in worst
-            if badness(outcome, r) > 0
-        ]
-        if tiles:
-            sheet = sheets.contact_sheet(tiles)
+        sheet = worst_directions(samples, column)
+        if sheet is not None:
             report.add_sheet(f"worst-{number}", f"Worst of {label}", sheet)
     report.notes.append(" ".join((direction.__doc__ or "").split()))
     if any(r.truth.kinds for column in records.values() for r in column):
@@ -152,6 +138,20 @@ def add_direction_pictures(
         "degrees, red where not. A turn past the opening comes before a turn without a doorway, "
         "that before a turn along a blocked way, that before a missed or an inexact opening."
     )
+
+
+def worst_directions(
+    samples: Mapping[str, Sample], records: Sequence[DirectionRecord]
+) -> NDArray[np.uint8] | None:
+    """A contact sheet of the worst answers, (H, W, 3) RGB; None where all are right."""
+    judged = [(direction.judge(r), r) for r in records]
+    worst = sorted(judged, key=lambda pair: -badness(*pair))[:WORST]
+    tiles = [
+        sheets.direction_tile(samples[r.truth.image], r, outcome)
+        for outcome, r in worst
+        if badness(outcome, r) > 0
+    ]
+    return sheets.contact_sheet(tiles) if tiles else None
 
 
 def badness(outcome: Outcome, record: DirectionRecord) -> float:
@@ -175,11 +175,7 @@ def classifier_table(scored: Mapping[str, ClassifierMetrics]) -> Table:
     """Scores, confusion counts, and false alarms by kind of negative."""
     columns = list(scored.values())
     rows = [
-        (
-            f"{title}, {_counts([c.by_place[name] for c in columns])}",
-            about,
-            _cells(columns, name, unit),
-        )
+        _row(title, about, [c.by_place[name] for c in columns], unit)
         for name, title, about, unit in (
             ("accuracy", "accuracy", f"at p_open {columns[0].threshold:g}", "share"),
             ("balanced_accuracy", "balanced accuracy", "mean of both classes", "share"),
@@ -187,13 +183,14 @@ def classifier_table(scored: Mapping[str, ClassifierMetrics]) -> Table:
             ("ece", "calibration error (ECE)", f"{classifier.ECE_BINS} bins", ""),
         )
     ]
-    for name, about in (
-        ("accuracy", "all pictures"),
-        ("sensitivity", "open, called open"),
-        ("specificity", "not open, called not open"),
-    ):
-        cells = [cell(c.wilson[name], "share") for c in columns]
-        rows.append((f"{name}, Wilson, {_counts([c.wilson[name] for c in columns])}", about, cells))
+    rows += [
+        _row(f"{name}, Wilson", about, [c.wilson[name] for c in columns], "share")
+        for name, about in (
+            ("accuracy", "all pictures"),
+            ("sensitivity", "open, called open"),
+            ("specificity", "not open, called not open"),
+        )
+    ]
     for name, about in (
         ("tp", "open, called open"),
         ("fn", "open, called not open"),
@@ -202,14 +199,8 @@ def classifier_table(scored: Mapping[str, ClassifierMetrics]) -> Table:
     ):
         rows.append((about, "pictures", [str(getattr(c.confusion, name)) for c in columns]))
     for kind in sorted({kind for c in columns for kind in c.false_open}):
-        values = [c.false_open[kind] for c in columns]
-        rows.append(
-            (
-                f"called open: {kind}, Wilson, {_counts(values)}",
-                "not open, showing it",
-                [cell(v, "share") for v in values],
-            )
-        )
+        values = [c.false_open.get(kind, wilson(0, 0)) for c in columns]
+        rows.append(_row(f"called open: {kind}, Wilson", "not open, showing it", values, "share"))
     return Table("Open or not", list(scored), rows)
 
 
@@ -239,19 +230,11 @@ def add_classifier_pictures(
 def depth_table(scored: Mapping[Protocol, DepthMetrics]) -> Table:
     columns = list(scored.values())
     rows = [
-        (
-            f"{name}, {_counts([c.mean[name] for c in columns])}",
-            _depth_about(name),
-            _depth_cells(columns, name),
-        )
+        _row(name, _depth_about(name), [c.mean[name] for c in columns], UNITS.get(name, ""))
         for name in depth.MEASURES
     ]
     rows += [
-        (
-            f"{name}, pooled",
-            "over all pixels together",
-            [f"{c.pooled[name]:.3f}" for c in columns],
-        )
+        (f"{name}, pooled", "over all pixels together", [f"{c.pooled[name]:.3f}" for c in columns])
         for name in ("delta1", "rmse")
     ]
     return Table("Depth", [str(p) for p in scored], rows)
@@ -292,14 +275,6 @@ def depth_caption(record: DepthRecord) -> str:
     return f"{record.image}: delta1 {errors.delta1:.2f}, RMSE {errors.rmse:.2f} m"
 
 
-def _cells(columns: Sequence[ClassifierMetrics], name: str, unit: str) -> list[str]:
-    return [cell(c.by_place[name], unit) for c in columns]
-
-
-def _depth_cells(columns: Sequence[DepthMetrics], name: str) -> list[str]:
-    return [cell(c.mean[name], UNITS.get(name, "")) for c in columns]
-
-
 def _depth_about(name: str) -> str:
     if name.startswith("delta"):
         return f"share of pixels within a factor of 1.25^{name[-1]}"
@@ -308,6 +283,10 @@ def _depth_about(name: str) -> str:
     ]
 
 
-def _counts(values: Sequence[Interval]) -> str:
+def _row(
+    title: str, about: str, values: Sequence[Interval], unit: str
+) -> tuple[str, str, list[str]]:
+    """A row with the pictures that its values rest on in the title."""
     low, high = min(v.n for v in values), max(v.n for v in values)
-    return f"n = {low}" if low == high else f"n = {low} to {high}"
+    counts = f"n = {low}" if low == high else f"n = {low} to {high}"
+    return f"{title}, {counts}", about, [cell(v, unit) for v in values]

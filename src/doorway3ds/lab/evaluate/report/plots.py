@@ -1,4 +1,4 @@
-"""Plots of a report, as PNG bytes (extra `report`: matplotlib)."""
+"""Plots of a report, as bytes of PNG files (extra `report`: matplotlib)."""
 
 from __future__ import annotations
 
@@ -106,21 +106,26 @@ def _colors() -> Sequence[str]:
 
 
 @contextmanager
-def figure() -> Iterator[tuple[Any, Callable[[], bytes]]]:
-    """Axes to draw on, and a function that gives the finished picture's PNG bytes."""
+def figure(
+    width: float = 6.4, height: float = 4.2, kind: str = "png"
+) -> Iterator[tuple[Any, Callable[[], bytes]]]:
+    """Axes to draw on, and a function that returns the finished picture's bytes.
+
+    width, height: inches. kind: of file.
+    """
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise UserError(
             "a report needs matplotlib; install it with: pip install 'doorway3ds[report]'"
         ) from error
-    figure = Figure(figsize=(6.4, 4.2), dpi=130, layout="constrained")
+    figure = Figure(figsize=(width, height), dpi=130, layout="constrained")
     axes = figure.add_subplot()
     axes.spines[["top", "right"]].set_visible(False)
 
     def done() -> bytes:
         buffer = io.BytesIO()
-        figure.savefig(buffer, format="png")
+        figure.savefig(buffer, format=kind)
         return buffer.getvalue()
 
     yield axes, done

@@ -7,7 +7,7 @@ rectangles between wall centre lines; a wall is `Home.wall_m` thick.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -40,6 +40,11 @@ class Room:
     @property
     def centre(self) -> tuple[float, float]:
         return (self.x0 + self.x1) / 2, (self.y0 + self.y1) / 2
+
+    def inner(self, wall_m: float) -> tuple[float, float, float, float]:
+        """x0, y0, x1, y1 between the faces of walls that thick."""
+        t = wall_m / 2
+        return self.x0 + t, self.y0 + t, self.x1 - t, self.y1 - t
 
     def holds(self, x: float, y: float, margin: float = 0.0) -> bool:
         return (
@@ -82,6 +87,10 @@ class Portal:
         if self.axis == 0:
             return self.wall + across, self.at + along
         return self.at + along, self.wall + across
+
+    def side(self, room: int) -> int:
+        """The side of the wall on which one of its rooms lies: -1 low, 1 high."""
+        return 1 if self.rooms[1] == room else -1
 
     @property
     def free(self) -> tuple[float, float]:
@@ -248,20 +257,9 @@ def _door(
         at = near + np.sign((lo + hi) / 2 - near) * (0.18 + width / 2 + rng.uniform(0.05, 0.35))
     else:
         at = rng.uniform(lo + 0.18 + width / 2, hi - 0.18 - width / 2 + 1e-6)
-    return Portal(
-        axis,
-        at_wall,
-        float(at),
-        width,
-        0.0,
-        height,
-        rooms,
-        state,
-        hinge=int(rng.choice([-1, 1])),
-        swing=int(rng.choice([-1, 1])),
-        angle_deg=angle,
-        style=int(rng.integers(6)),
-    )
+    hinge, swing = int(rng.choice([-1, 1])), int(rng.choice([-1, 1]))
+    hung = (state, hinge, swing, angle, int(rng.integers(6)))
+    return Portal(axis, at_wall, float(at), width, 0.0, height, rooms, *hung)
 
 
 def _windows(
@@ -283,18 +281,10 @@ def _windows(
             if room.kind == "living" and span > 1.9 and not balcony_done and rng.random() < 0.6:
                 balcony_done = True
                 state = "sliding_open" if rng.random() < 0.6 else "sliding_closed"
+                width, top = float(min(span, rng.uniform(1.7, 2.6))), min(2.25, ceiling - 0.15)
+                hinge = int(rng.choice([-1, 1]))
                 out.append(
-                    Portal(
-                        axis,
-                        wall,
-                        (lo + hi) / 2,
-                        float(min(span, rng.uniform(1.7, 2.6))),
-                        0.0,
-                        float(min(2.25, ceiling - 0.15)),
-                        pair,
-                        state,
-                        hinge=int(rng.choice([-1, 1])),
-                    )
+                    Portal(axis, wall, (lo + hi) / 2, width, 0.0, top, pair, state, hinge=hinge)
                 )
                 continue
             if rng.random() > (0.35 if room.kind == "corridor" else 0.72) or span < 0.5:
@@ -307,19 +297,8 @@ def _windows(
                 sill = 0.9
             at = rng.uniform(lo + 0.35 + width / 2, hi - 0.35 - width / 2 + 1e-6)
             top = float(min(rng.uniform(2.0, 2.3), ceiling - 0.1))
-            out.append(
-                Portal(
-                    axis,
-                    wall,
-                    float(at),
-                    width,
-                    sill,
-                    top,
-                    pair,
-                    "window",
-                    style=int(rng.integers(4)),
-                )
-            )
+            style = int(rng.integers(4))
+            out.append(Portal(axis, wall, float(at), width, sill, top, pair, "window", style=style))
     return out
 
 
@@ -359,12 +338,7 @@ def generate(seed: int) -> Home:
     ]
     portals: list[Portal] = []
     joined = {0 if corridor < 0 else corridor}
-    walls = []
-    for i, a in enumerate(rooms):
-        for b in rooms[i + 1 :]:
-            wall = _shared(a, b)
-            if wall:
-                walls.append(wall)
+    walls = [wall for a, b in combinations(rooms, 2) if (wall := _shared(a, b))]
     while True:
         grow = [w for w in walls if (w[4][0] in joined) != (w[4][1] in joined)]
         if not grow:

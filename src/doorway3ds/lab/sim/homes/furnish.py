@@ -94,11 +94,10 @@ class _Room:
 
     def __init__(self, home: Home, room: Room, rng: Rng) -> None:
         self.home, self.room, self.rng = home, room, rng
-        t = home.wall_m / 2
-        self.inner: Rect = (room.x0 + t, room.y0 + t, room.x1 - t, room.y1 - t)
+        self.inner: Rect = room.inner(home.wall_m)
         self.taken: list[tuple[Rect, float]] = []
         self.mats = [
-            doormat(p, home.wall_m, 1 if p.rooms[1] == room.index else -1)
+            doormat(p, home.wall_m, p.side(room.index))
             for p in home.portals_of(room.index)
             if p.state != "window"
         ]
@@ -209,7 +208,7 @@ def _decorate(space: _Room, rng: Rng, mirrors_left: int) -> tuple[list[Placed], 
 
 def _block(space: _Room, rng: Rng, portal: Portal) -> None:
     """Something in the way between the room and an open doorway."""
-    side = 1 if portal.rooms[1] == space.room.index else -1
+    side = portal.side(space.room.index)
     item = clutter.BLOCKERS[int(rng.integers(len(clutter.BLOCKERS)))](rng)
     for _ in range(6):
         far = space.home.wall_m / 2 + rng.uniform(0.35, 1.6)
@@ -289,11 +288,7 @@ def furnish(home: Home) -> Furnished:
         mirrors += _built_in(space)
         for maker, chance, wall in ROOMS.get(room.kind, ()):
             if rng.random() < chance * full:
-                item = maker(rng)
-                if wall:
-                    space.against_wall(item)
-                else:
-                    space.inside(item)
+                (space.against_wall if wall else space.inside)(maker(rng))
         for portal in home.portals_of(room.index):
             if portal.is_open and rng.random() < 0.2:
                 _block(space, rng, portal)
@@ -331,14 +326,10 @@ def furnish(home: Home) -> Furnished:
     for portal in home.portals:
         if portal.state in ("window", "sliding_open", "sliding_closed"):
             index = max(portal.rooms)
-            side = 1 if portal.rooms[1] == index else -1
+            side = portal.side(index)
             if portal.sill > 0.5 and rng.random() < 0.6:
                 x, y = portal.point(0.0, side * home.wall_m / 2)
-                yaw = (
-                    (-90.0 if side > 0 else 90.0)
-                    if portal.axis == 0
-                    else (0.0 if side > 0 else 180.0)
-                )
+                yaw = YAW_OF_SIDE[2 * portal.axis + (side < 0)]
                 unit = clutter.radiator(rng, min(portal.width, 1.2))
                 rect = footprint(unit, x, y, yaw)
                 if not any(overlap(rect, footprint(p.item, p.x, p.y, p.yaw_deg)) for p in standing):

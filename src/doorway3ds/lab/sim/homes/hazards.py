@@ -93,9 +93,13 @@ def add_stairs(home: Home, rng: Rng, kind: str, place: str) -> Home | None:
 Spot = tuple[Room, Rect, int, tuple[int, ...]]
 
 
-def _inner(home: Home, room: Room) -> Rect:
-    t = home.wall_m / 2
-    return room.x0 + t, room.y0 + t, room.x1 - t, room.y1 - t
+def _mats(home: Home, room: Room, but: Portal | None = None) -> list[Rect]:
+    """The floor before a room's doorways, but one."""
+    return [
+        doormat(p, home.wall_m, p.side(room.index))
+        for p in home.portals_of(room.index)
+        if p is not but and p.sill < 0.05
+    ]
 
 
 def _stranded(home: Home, portal: Portal, flight: Flight) -> bool:
@@ -113,7 +117,7 @@ def _corridor_end(home: Home, rng: Rng) -> Spot | None:
     if not corridors:
         return None
     room = corridors[int(rng.integers(len(corridors)))]
-    x0, y0, x1, y1 = _inner(home, room)
+    x0, y0, x1, y1 = room.inner(home.wall_m)
     axis = 0 if x1 - x0 >= y1 - y0 else 1
     span = (x1 - x0, y1 - y0)[axis]
     if span < 4.5:
@@ -131,12 +135,8 @@ def _in_room(home: Home, rng: Rng) -> Spot | None:
     rooms = [r for r in home.rooms if min(r.x1 - r.x0, r.y1 - r.y0) > 2.9]
     for k in rng.permutation(len(rooms)):
         room = rooms[int(k)]
-        inner = _inner(home, room)
-        mats = [
-            doormat(p, home.wall_m, 1 if p.rooms[1] == room.index else -1)
-            for p in home.portals_of(room.index)
-            if p.sill < 0.05
-        ]
+        inner = room.inner(home.wall_m)
+        mats = _mats(home, room)
         for _ in range(12):
             wall = int(rng.integers(4))
             wide, long = float(rng.uniform(0.85, 1.15)), float(rng.uniform(2.0, 3.1))
@@ -165,7 +165,7 @@ def _behind(home: Home, rng: Rng) -> Spot | None:
         portal = inside[int(k)]
         side = int(rng.integers(2))
         room = home.rooms[portal.rooms[side]]
-        inner = _inner(home, room)
+        inner = room.inner(home.wall_m)
         landing = float(rng.choice([0.0, rng.uniform(0.3, 1.0)]))
         if portal.swing == (1 if side == 1 else -1) and portal.state in ("open", "half"):
             landing = portal.width + 0.1  # the leaf needs a floor to open over
@@ -183,12 +183,7 @@ def _behind(home: Home, rng: Rng) -> Spot | None:
             begin = portal.wall - home.wall_m / 2 - landing
             span = (begin - long, begin)
         rect = (span[0], low, span[1], high) if axis == 0 else (low, span[0], high, span[1])
-        mats = [
-            doormat(p, home.wall_m, 1 if p.rooms[1] == room.index else -1)
-            for p in home.portals_of(room.index)
-            if p is not portal and p.sill < 0.05
-        ]
-        if not any(overlap(rect, m) for m in mats):
+        if not any(overlap(rect, m) for m in _mats(home, room, portal)):
             return room, rect, 2 * axis + (1 - side), ()
     return None
 

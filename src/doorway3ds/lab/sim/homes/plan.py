@@ -28,12 +28,8 @@ class Plan:
 
     @cached_property
     def origin(self) -> Float:
-        return np.array(
-            [
-                min(r.x0 for r in self.furnished.home.rooms) - 0.5,
-                min(r.y0 for r in self.furnished.home.rooms) - 0.5,
-            ]
-        )
+        rooms = self.furnished.home.rooms
+        return np.array([min(r.x0 for r in rooms), min(r.y0 for r in rooms)]) - 0.5
 
     @cached_property
     def occupied(self) -> NDArray[np.uint8]:
@@ -65,11 +61,9 @@ class Plan:
         grid = self._empty()
         half = home.wall_m / 2
         for room in home.rooms:
-            outer = _rectangle(room.x0 - half, room.y0 - half, room.x1 + half, room.y1 + half)
-            inner = _rectangle(room.x0 + half, room.y0 + half, room.x1 - half, room.y1 - half)
             ring = self._empty()
-            self._fill(ring, outer, 1)
-            self._fill(ring, inner, 0)
+            self._fill(ring, _rectangle(*room.inner(-home.wall_m)), 1)
+            self._fill(ring, _rectangle(*room.inner(home.wall_m)), 0)
             grid |= ring
         for portal in home.portals:
             if portal.is_open:

@@ -20,8 +20,7 @@ INWARD = (X, -X, Y, -Y)
 
 def wall_face(home: Home, room: Room, span: WallSpan) -> tuple[NDArray[np.float64], float, float]:
     """Lower start corner of a room's wall face, its length, and the plan start along the wall."""
-    t = home.wall_m / 2
-    x0, y0, x1, y1 = room.x0 + t, room.y0 + t, room.x1 - t, room.y1 - t
+    x0, y0, x1, y1 = room.inner(home.wall_m)
     corner = ((x0, y0), (x1, y0), (x0, y0), (x0, y1))[span.side]
     length = (y1 - y0) if span.side < 2 else (x1 - x0)
     return np.array([*corner, 0.0]), length, y0 if span.side < 2 else x0

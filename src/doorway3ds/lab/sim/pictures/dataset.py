@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import multiprocessing
 import os
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Camera
+from doorway3ds.files import write_bytes
 from doorway3ds.lab.datasets.csvfile import MARKS
 from doorway3ds.lab.sim.homes import apartment as homes
 from doorway3ds.lab.sim.homes import hazards
@@ -29,16 +31,7 @@ from doorway3ds.lab.sim.render.scene import Scene, build
 VIEWS = 10  # pictures of one home
 OPEN_SHARE = 0.56
 HAZARD_SHARE = 0.75  # of the views of a home with hazards
-COLUMNS = (
-    *MARKS,
-    "home",
-    "state",
-    "fx_px",
-    "height_m",
-    "pitch_deg",
-    "range_m",
-    "bearing_deg",
-)
+COLUMNS = (*MARKS, *["home", "state", "fx_px", "height_m", "pitch_deg", "range_m", "bearing_deg"])
 
 
 @dataclass(frozen=True)
@@ -118,15 +111,8 @@ def rows(shot: Shot, name: str) -> list[dict[str, Any]]:
     }
     if not truth.openings:
         first = next((s for s in truth.states if s not in homes.OPEN_STATES), "blank")
-        return [
-            {
-                **common,
-                "open": 0,
-                "confidence": 1 if truth.glimpse else 3,
-                "second": 0,
-                "state": first,
-            }
-        ]
+        sure = 1 if truth.glimpse else 3
+        return [{**common, "open": 0, "confidence": sure, "second": 0, "state": first}]
     return [
         {
             **common,
@@ -161,10 +147,15 @@ def truth_object(shot: Shot, name: str, home: int) -> dict[str, Any]:
     }
 
 
-def write_depth(path: Path, depth: NDArray[np.float32], effort: int = 1) -> None:
-    """16-bit millimetres; 0 is unknown (the sky)."""
-    millimetres = np.where(np.isnan(depth), 0, np.clip(depth * 1000 + 0.5, 1, 65535))
-    cv2.imwrite(str(path), millimetres.astype(np.uint16), [cv2.IMWRITE_PNG_COMPRESSION, effort])
+def write_shot(
+    shot: Shot, image: Path, depth: Path, floor: Path, quality: int, effort: int = 1
+) -> None:
+    """The image (JPEG), its depth in 16-bit millimetres, 0 unknown (the sky), and its floor."""
+    cv2.imwrite(str(image), shot.rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+    known = np.clip(shot.depth * 1000 + 0.5, 1, 65535)
+    millimetres = np.where(np.isnan(shot.depth), 0, known).astype(np.uint16)
+    cv2.imwrite(str(depth), millimetres, [cv2.IMWRITE_PNG_COMPRESSION, effort])
+    cv2.imwrite(str(floor), shot.truth.floor.astype(np.uint8) * 255)
 
 
 def texels_a_metre(width: int) -> float:
@@ -223,18 +214,16 @@ def render_home(job: Job) -> int:
         taken = shots(scene, renderer, job.count, job.size, job.seed, job.low)
         for k, shot in enumerate(taken):
             stem = f"{job.first + k:06d}"
-            quality = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(75, 97))]
-            cv2.imwrite(str(job.out / "images" / f"{stem}.jpg"), shot.rgb[..., ::-1], quality)
-            write_depth(job.out / "depth" / f"{stem}.png", shot.depth)
-            floor = shot.truth.floor.astype(np.uint8) * 255
-            cv2.imwrite(str(job.out / "floor" / f"{stem}.png"), floor)
+            image, depth, floor = (
+                job.out / name
+                for name in (f"images/{stem}.jpg", f"depth/{stem}.png", f"floor/{stem}.png")
+            )
+            write_shot(shot, image, depth, floor, int(rng.integers(75, 97)))
             lines += [{**row, "home": job.home} for row in rows(shot, f"{stem}.jpg")]
             objects.append(truth_object(shot, f"{stem}.jpg", job.home))
     finally:
         renderer.close()
-    partial = job.shard.with_suffix(".part")
-    partial.write_text(json.dumps({"rows": lines, "truth": objects}))
-    partial.replace(job.shard)
+    write_bytes(job.shard, json.dumps({"rows": lines, "truth": objects}).encode())
     return len(objects)
 
 
@@ -255,17 +244,8 @@ def render_dataset(
     for folder in ("images", "depth", "floor", "homes"):
         (out / folder).mkdir(parents=True, exist_ok=True)
     jobs = [
-        Job(
-            seed * 100_000 + i,
-            i * VIEWS,
-            min(VIEWS, count - i * VIEWS),
-            size,
-            seed,
-            out,
-            hazards,
-            low,
-        )
-        for i in range(-(-count // VIEWS))
+        Job(seed * 100_000 + k, at, min(VIEWS, count - at), size, seed, out, hazards, low)
+        for k, at in enumerate(range(0, count, VIEWS))
     ]
     missing = [job for job in jobs if not job.shard.exists()]
     progress(sum(job.count for job in jobs if job not in missing))
@@ -284,13 +264,10 @@ def _merge(out: Path, jobs: list[Job]) -> int:
         shard = json.loads(job.shard.read_text())
         lines += shard["rows"]
         objects += shard["truth"]
-    partial = out / "doorways.csv.part"
-    with partial.open("w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS)
-        writer.writeheader()
-        writer.writerows(lines)
-    partial.replace(out / "doorways.csv")
-    partial = out / "truth.jsonl.part"
-    partial.write_text("".join(json.dumps(o) + "\n" for o in objects))
-    partial.replace(out / "truth.jsonl")
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS)
+    writer.writeheader()
+    writer.writerows(lines)
+    write_bytes(out / "doorways.csv", text.getvalue().encode())
+    write_bytes(out / "truth.jsonl", "".join(json.dumps(o) + "\n" for o in objects).encode())
     return len(objects)

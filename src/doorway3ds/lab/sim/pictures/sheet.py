@@ -11,11 +11,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-GREEN, RED, YELLOW, WHITE = (60, 220, 60), (60, 60, 240), (40, 210, 240), (255, 255, 255)
+from doorway3ds.images.codec import read_image, write_image
+from doorway3ds.lab.evaluate.report.sheets import Tile, contact_sheet
+
+GREEN, RED, YELLOW = (60, 220, 60), (240, 60, 60), (240, 210, 40)
 
 
-def marked(picture: NDArray[np.uint8], truth: dict[str, Any]) -> NDArray[np.uint8]:
-    """BGR picture with its openings: green = way free, red = blocked, yellow = cannot tell."""
+def marked(picture: NDArray[np.uint8], truth: dict[str, Any]) -> Tile:
+    """RGB picture with its openings: green = way free, red = blocked, yellow = cannot tell."""
     out = picture.copy()
     row = picture.shape[0] // 2
     for o in truth["openings"]:
@@ -25,24 +28,15 @@ def marked(picture: NDArray[np.uint8], truth: dict[str, Any]) -> NDArray[np.uint
         for x in (left, right):
             cv2.line(out, (x, row - 8), (x, row + 8), colour, 2)
     names = [f"{o['state']} {o['range_m']:.1f} m" for o in truth["openings"]]
-    text = ", ".join(names or truth["in_view"][:3] or ["nothing"])
-    cv2.putText(out, text, (5, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.42, (0, 0, 0), 3, cv2.LINE_AA)
-    cv2.putText(out, text, (5, 14), cv2.FONT_HERSHEY_SIMPLEX, 0.42, WHITE, 1, cv2.LINE_AA)
-    return np.asarray(out, np.uint8)
+    return Tile(out, ", ".join(names or truth["in_view"][:3] or ["nothing"]))
 
 
 def write_contact_sheet(folder: Path, count: int = 48, columns: int = 6) -> Path:
     """contact.jpg with pictures spread evenly over the data set."""
-    lines = (folder / "truth.jsonl").read_text().splitlines()
-    step = max(1, len(lines) // count)
-    cells = []
-    for line in islice(lines, 0, step * count, step):
-        truth = json.loads(line)
-        picture = cv2.imread(str(folder / "images" / truth["image"]))
-        cells.append(cv2.resize(marked(np.asarray(picture, np.uint8), truth), (320, 240)))
-    while len(cells) % columns:
-        cells.append(np.zeros_like(cells[0]))
-    rows = [np.hstack(cells[i : i + columns]) for i in range(0, len(cells), columns)]
-    path = folder / "contact.jpg"
-    cv2.imwrite(str(path), np.vstack(rows), [cv2.IMWRITE_JPEG_QUALITY, 88])
-    return path
+    truths = [json.loads(line) for line in (folder / "truth.jsonl").read_text().splitlines()]
+    step = max(1, len(truths) // count)
+    tiles = [
+        marked(read_image(folder / "images" / truth["image"]).image, truth)
+        for truth in islice(truths, 0, step * count, step)
+    ]
+    return write_image(folder / "contact.jpg", contact_sheet(tiles, columns))

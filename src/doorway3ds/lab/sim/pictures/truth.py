@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera.model import Camera, grid_rays, pixel_to_ray, rotation
+from doorway3ds.camera.model import Camera, grid_rays, pixel_to_ray, rotation, wrapped_deg
 from doorway3ds.lab.sim.homes.apartment import Portal
 from doorway3ds.lab.sim.homes.furnish import Furnished
 from doorway3ds.lab.sim.homes.hazards import beyond
@@ -151,7 +151,7 @@ class _View:
         """Bearing of a plan point (x, y) from the lens, about its robot's heading."""
         d = plan[:2] - self.lens[:2]
         angle = np.degrees(np.arctan2(d[1], d[0])) - self.eye.heading_deg
-        return float((angle + 180) % 360 - 180)
+        return float(wrapped_deg(angle))
 
     def azimuth_at(self, column: float) -> float:
         return float(np.interp(column, self.columns[::-1], self.middle[::-1]))
@@ -269,7 +269,7 @@ def _opening(
         right_px,
         seen_left,
         seen_right,
-        float((bearing + 180) % 360 - 180),
+        float(wrapped_deg(bearing)),
         float(np.hypot(*to)),
         (left, right),
         cut,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from doorway3ds.camera.model import Camera
@@ -17,7 +16,7 @@ from doorway3ds.lab.sim.pictures.dataset import (
     take,
     texels_a_metre,
     truth_object,
-    write_depth,
+    write_shot,
 )
 from doorway3ds.lab.sim.render.renderer import Eye, Renderer, open_context
 from doorway3ds.lab.sim.render.scene import build
@@ -47,8 +46,6 @@ def save(shot: Shot, home: int, path: Path) -> list[Path]:
     truth, depth, floor = (
         folder / (path.stem + end) for end in (".json", ".depth.png", ".floor.png")
     )
-    cv2.imwrite(str(path), shot.rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 93])
-    write_depth(depth, shot.depth, 9)
-    cv2.imwrite(str(floor), shot.truth.floor.astype(np.uint8) * 255)
+    write_shot(shot, path, depth, floor, 93, effort=9)
     truth.write_text(json.dumps(truth_object(shot, path.name, home), indent=1) + "\n")
     return [path, truth, depth, floor]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from doorway3ds.camera.model import Camera, Pose
+from doorway3ds.camera.model import Camera, Pose, wrapped_deg
 from doorway3ds.lab.sim.homes.apartment import Room
 from doorway3ds.lab.sim.homes.plan import Plan
 from doorway3ds.lab.sim.render.renderer import Eye
@@ -72,10 +72,6 @@ def _ahead(plan: Plan, room: Room, x: float, y: float, heading_deg: float) -> fl
         if not room.holds(px, py, 0.05) or not plan.free_at(px, py, 0.02):
             return float(reach)
     return 8.0
-
-
-def _gap_deg(a: float, b: float) -> float:
-    return abs((a - b + 180) % 360 - 180)
 
 
 def _bearing(x: float, y: float, at: tuple[float, float]) -> float:
@@ -149,4 +145,4 @@ def _in_view(
     a: tuple[float, float], b: tuple[float, float], x: float, y: float, heading: float, half: float
 ) -> bool:
     middle = ((a[0] + b[0]) / 2, (a[1] + b[1]) / 2)
-    return any(_gap_deg(_bearing(x, y, p), heading) < half + 4 for p in (a, middle, b))
+    return any(abs(wrapped_deg(_bearing(x, y, p) - heading)) < half + 4 for p in (a, middle, b))

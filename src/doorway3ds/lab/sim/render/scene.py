@@ -118,9 +118,8 @@ def _room(
 ) -> str:
     """Floor, walls, ceiling and skirting of a room; returns its wall colour as a plain paint."""
     home, ppm, i = furnished.home, builder.ppm, room.index
-    t = home.wall_m / 2
     floor_tile, wall_tile = tiles
-    x0, y0, x1, y1 = room.x0 + t, room.y0 + t, room.x1 - t, room.y1 - t
+    x0, y0, x1, y1 = room.inner(home.wall_m)
     flights = [f for f in home.flights if f.room == i]
     us = ticks(0, x1 - x0, 0.5, [v - x0 for f in flights for v in (f.x0, f.x1)])
     vs = ticks(0, y1 - y0, 0.5, [v - y0 for f in flights for v in (f.y0, f.y1)])
@@ -216,7 +215,7 @@ def _openings(
 def _curtains(builder: Builder, furnished: Furnished, rng: Rng) -> None:
     home = furnished.home
     for portal, room in furnished.curtains:
-        side = 1 if portal.rooms[1] == room else -1
+        side = portal.side(room)
         drop = home.ceiling_m - 0.1 if rng.random() < 0.5 else portal.height + 0.12
         foot = 0.03 if portal.sill < 0.5 or rng.random() < 0.5 else portal.sill - 0.15
         width = portal.width * rng.uniform(0.12, 0.35)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from doorway3ds.lab.sim.homes.apartment import Room
 from doorway3ds.lab.sim.homes.furnish import Furnished, footprint
+from doorway3ds.lab.sim.homes.shell import INWARD, X, Y, Z
 from doorway3ds.lab.sim.render import textures
 
 Rng = np.random.Generator
@@ -36,7 +37,7 @@ def glow_of(furnished: Furnished, room: Room) -> Glow:
     points = [(x, y, home.ceiling_m - 0.25) for x, y in room.lamps]
     strengths = [1.6 * max(room.light)] * len(points)
     for portal in home.portals_of(room.index):
-        x, y = portal.point(0.0, 0.3 if portal.rooms[1] == room.index else -0.3)
+        x, y = portal.point(0.0, 0.3 * portal.side(room.index))
         z = (portal.sill + portal.height) / 2
         outdoors = -1 in portal.rooms
         if outdoors:
@@ -101,49 +102,28 @@ def _lightmap(
 
 def floor_picture(furnished: Furnished, room: Room, tile: Picture, ppm: float) -> Picture:
     """The floor of a room, row 0 at its low-y side."""
-    t = furnished.home.wall_m / 2
-    x0, y0, x1, y1 = room.x0 + t, room.y0 + t, room.x1 - t, room.y1 - t
+    x0, y0, x1, y1 = room.inner(furnished.home.wall_m)
     shape = (max(8, int((y1 - y0) * ppm)), max(8, int((x1 - x0) * ppm)))
     mask = np.zeros(shape, np.float32)
     for p in furnished.standing:
         if p.room == room.index:
             a = footprint(p.item, p.x, p.y, p.yaw_deg)
-            corners = [
-                int((a[0] - x0) * ppm),
-                int((a[1] - y0) * ppm),
-                int((a[2] - x0) * ppm),
-                int((a[3] - y0) * ppm),
-            ]
-            cv2.rectangle(mask, (corners[0], corners[1]), (corners[2], corners[3]), 1.0, -1)
+            low, high = ((int((x - x0) * ppm), int((y - y0) * ppm)) for x, y in (a[:2], a[2:]))
+            cv2.rectangle(mask, low, high, 1.0, -1)
     near = cv2.GaussianBlur(mask, (0, 0), max(0.07 * ppm, 0.5))
     wide = cv2.GaussianBlur(mask, (0, 0), max(0.22 * ppm, 0.5))
-    light = _lightmap(
-        glow_of(furnished, room),
-        np.array([x0, y0, 0.0]),
-        np.array([1.0, 0, 0]),
-        np.array([0, 1.0, 0]),
-        np.array([0, 0, 1.0]),
-        shape,
-        ppm,
-    )
+    start = np.array([x0, y0, 0.0])
+    light = _lightmap(glow_of(furnished, room), start, X, Y, Z, shape, ppm)
     light = light * edge_shade(*shape, ppm) * (1 - 0.35 * near - 0.3 * wide)
     return np.asarray(np.clip(repeat(tile, *shape) * light[..., None], 0, 1), np.float32)
 
 
 def ceiling_picture(furnished: Furnished, room: Room, colour: Picture, ppm: float) -> Picture:
-    t = furnished.home.wall_m / 2
-    x0, y0, x1, y1 = room.x0 + t, room.y0 + t, room.x1 - t, room.y1 - t
+    x0, y0, x1, y1 = room.inner(furnished.home.wall_m)
     shape = (max(8, int((y1 - y0) * ppm)), max(8, int((x1 - x0) * ppm)))
     top = furnished.home.ceiling_m
-    light = _lightmap(
-        glow_of(furnished, room),
-        np.array([x0, y0, top]),
-        np.array([1.0, 0, 0]),
-        np.array([0, 1.0, 0]),
-        np.array([0, 0, -1.0]),
-        shape,
-        ppm,
-    )
+    start = np.array([x0, y0, top])
+    light = _lightmap(glow_of(furnished, room), start, X, Y, -Z, shape, ppm)
     light *= edge_shade(*shape, ppm)
     return np.asarray(np.clip(colour * light[..., None], 0, 1), np.float32)
 
@@ -160,13 +140,7 @@ def wall_picture(
     """One wall face, row 0 at the floor, with shadows behind what stands against it."""
     home = furnished.home
     shape = (max(8, int(home.ceiling_m * ppm)), max(8, int(length * ppm)))
-    u = np.array([0, 1.0, 0]) if side < 2 else np.array([1.0, 0, 0])
-    normal = (
-        np.array([1.0, 0, 0]),
-        np.array([-1.0, 0, 0]),
-        np.array([0, 1.0, 0]),
-        np.array([0, -1.0, 0]),
-    )[side]
+    u = Y if side < 2 else X
     mask = np.zeros(shape, np.float32)
     axis = 1 if side < 2 else 0
     for p in furnished.standing:
@@ -191,7 +165,7 @@ def wall_picture(
                     -1,
                 )
     dark = cv2.GaussianBlur(mask, (0, 0), max(0.06 * ppm, 0.5))
-    light = _lightmap(glow_of(furnished, room), start, u, np.array([0, 0, 1.0]), normal, shape, ppm)
+    light = _lightmap(glow_of(furnished, room), start, u, Z, INWARD[side], shape, ppm)
     light = light * edge_shade(*shape, ppm) * (1 - 0.4 * dark)
     return np.asarray(np.clip(repeat(tile, *shape) * light[..., None], 0, 1), np.float32)
 

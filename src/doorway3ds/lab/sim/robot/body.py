@@ -14,7 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
-from doorway3ds.camera.model import Array, Camera
+from doorway3ds.camera.model import Array, Camera, wrapped_deg
 from doorway3ds.lab.sim.robot.ground import STEP_M, Ground
 from doorway3ds.lab.sim.robot.model import MODELS, Model, about, moved
 
@@ -264,7 +264,7 @@ class Body:
             if move.touches_deg is None:
                 self._arrived = move.number
             else:
-                self._touch = (move.touches_deg - self._true[2] + 180) % 360 - 180
+                self._touch = wrapped_deg(move.touches_deg - self._true[2])
 
     # The joints.
 

@@ -13,7 +13,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera.model import Camera, Pose
+from doorway3ds.camera.model import Camera, Pose, wrapped_deg
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.lab.sim.homes import apartment as homes
 from doorway3ds.lab.sim.homes import furnish
@@ -145,19 +145,13 @@ def _changed(scene: str, home: Home, room: Room, portal: Portal) -> tuple[Home, 
         target = replace(portal, state="half", angle_deg=40.0 + portal.angle_deg % 15.0)
     if scene == "narrow":
         target = replace(portal, state="no_leaf", width=0.5, height=min(portal.height, 2.1))
-    portals = []
-    for other in home.portals:
-        if other is portal:
-            portals.append(target)
-        elif room.index in other.rooms and other.is_open and scene != "two_doors":
-            shut = "sliding_closed" if other.state == "sliding_open" else "closed"
-            portals.append(replace(other, state=shut, angle_deg=0.0))
-        else:
-            portals.append(other)
+    index = home.portals.index(portal)
+    shut = home if scene == "two_doors" else dangers.closed(home, room.index, keep=index)
+    portals = (*shut.portals[:index], target, *shut.portals[index + 1 :])
     rooms = home.rooms
     if scene == "dark":
         rooms = tuple(replace(r, light=tuple(0.16 * v for v in r.light)) for r in rooms)  # type: ignore[arg-type]
-    return replace(home, portals=tuple(portals), rooms=rooms), target
+    return replace(home, portals=portals, rooms=rooms), target
 
 
 def _stand(scene: str, rng: Rng, home: Home, room: Room, portal: Portal, pose: Pose, half: float
@@ -242,7 +236,7 @@ def _another(home: Home, room: Room, portal: Portal, at: Point, heading: float, 
         if other == portal or not other.is_open or -1 in other.rooms:
             continue
         ends = [np.array(other.point(end)) - at for end in other.free]
-        off = [(np.degrees(np.arctan2(y, x)) - heading + 180) % 360 - 180 for x, y in ends]
+        off = [wrapped_deg(np.degrees(np.arctan2(y, x)) - heading) for x, y in ends]
         aim = _middle(other)
         distance = max(float(np.hypot(*(aim - at))), 1e-9)
         across = abs(at[other.axis] - other.wall) / distance

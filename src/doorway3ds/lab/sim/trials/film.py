@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera.model import Camera
+from doorway3ds.camera.model import Camera, wrapped_deg
 from doorway3ds.files import write_bytes
 from doorway3ds.lab.sim.render.renderer import Eye
 from doorway3ds.lab.sim.robot.world import Studio, World, stage_of
@@ -61,7 +61,7 @@ def film_scene(scene: str, seed: int, network: str | None, path: Path) -> Path:
 
 
 def _between(a: Eye, b: Eye) -> list[Eye]:
-    turn = (b.heading_deg - a.heading_deg + 180) % 360 - 180
+    turn = wrapped_deg(b.heading_deg - a.heading_deg)
     steps = min(int(abs(turn) / STEP_DEG), MOST_STEPS)
     return [
         Eye(b.x, b.y, a.heading_deg + turn * (k + 1) / (steps + 1), b.pose) for k in range(steps)

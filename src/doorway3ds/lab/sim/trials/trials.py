@@ -16,6 +16,8 @@ import numpy as np
 from doorway3ds.errors import UserError
 from doorway3ds.files import write_bytes
 from doorway3ds.lab.evaluate.intervals import Interval, paired_difference, wilson
+from doorway3ds.lab.evaluate.report.html import cell, markdown
+from doorway3ds.lab.evaluate.report.plots import COLORS, figure
 from doorway3ds.lab.sim.stages.scenarios import SCENES
 from doorway3ds.lab.sim.trials.trial import Episode, Method, play
 from doorway3ds.networks.base import Network
@@ -222,58 +224,45 @@ def difference(episodes: Sequence[Episode], scene: str = "all") -> Interval | No
 
 def table(episodes: Sequence[Episode]) -> str:
     """Markdown: success with 95 % Wilson intervals, mistakes as counts, means and medians."""
-    lines = [
-        "| scene | method | n | success | wrong turns | go without door | go when blocked "
-        "| turns | time |",
-        "|---|---|---|---|---|---|---|---|---|",
+    heads = ["scene", "method", "n", "success", "wrong turns", "go without door",
+             "go when blocked", "turns", "time"]  # fmt: skip
+    rows = [
+        [
+            row.scene,
+            row.method,
+            str(row.success.n),
+            _percent(row.success),
+            *map(str, (row.wrong_turns, row.without_door, row.when_blocked)),
+            f"{row.turns:.1f}",
+            f"{row.took_s:.1f} s",
+        ]
+        for row in summarise(episodes)
     ]
-    for row in summarise(episodes):
-        lines.append(
-            f"| {row.scene} | {row.method} | {row.success.n} | {_percent(row.success)} "
-            f"| {row.wrong_turns} | {row.without_door} | {row.when_blocked} | {row.turns:.1f} "
-            f"| {row.took_s:.1f} s |"
-        )
-    lines += ["", "| scene | opening minus paper, same stages | n |", "|---|---|---|"]
-    for scene in [*SCENES, "all"]:
-        gap = difference(episodes, scene)
-        if gap is not None:
-            lines.append(f"| {scene} | {_percent(gap, signed=True)} | {gap.n} |")
-    return "\n".join(lines) + "\n"
+    gaps = {scene: difference(episodes, scene) for scene in [*SCENES, "all"]}
+    minus = [[s, _percent(gap, signed=True), str(gap.n)] for s, gap in gaps.items() if gap]
+    told = markdown(["scene", "opening minus paper, same stages", "n"], minus)
+    return f"{markdown(heads, rows)}\n{told}"
 
 
 def _percent(share: Interval, signed: bool = False) -> str:
-    sign = "+" if signed else ""
-    if np.isnan(share.low):
-        return f"{100 * share.value:{sign}.0f} %"
-    return (
-        f"{100 * share.value:{sign}.0f} % ({100 * share.low:{sign}.0f} to "
-        f"{100 * share.high:{sign}.0f})"
-    )
+    return cell(share, "share", to=" to ", digits=0, signed=signed)
 
 
 def plot(episodes: Sequence[Episode], path: Path) -> Path:
     """Success of each scene and method with its interval, as PNG or SVG."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     rows = summarise(episodes)
     scenes = list(dict.fromkeys(row.scene for row in rows))
-    figure, axes = plt.subplots(figsize=(7, 0.42 * len(scenes) + 1))
-    for method, colour, shift in zip(METHODS, ("#0072b2", "#d55e00"), (0.14, -0.14), strict=True):
-        of = {row.scene: row.success for row in rows if row.method == method}
-        y = [len(scenes) - scenes.index(scene) + shift for scene in of]
-        value = np.array([share.value for share in of.values()])
-        low = value - [share.low for share in of.values()]
-        high = [share.high for share in of.values()] - value
-        axes.errorbar(value, y, xerr=[low, high], fmt="o", color=colour, label=method, capsize=2)
-    axes.set_yticks(range(len(scenes), 0, -1), [scene.replace("_", " ") for scene in scenes])
-    axes.set(xlim=(-0.02, 1.02), xlabel="success, with 95 % interval")
-    axes.legend(frameon=False, loc="lower left")
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    figure.tight_layout()
-    figure.savefig(path)
-    plt.close(figure)
-    return path
+    with figure(7, 0.42 * len(scenes) + 1, path.suffix[1:]) as (axes, done):
+        for method, colour, shift in zip(METHODS, COLORS, (0.14, -0.14), strict=False):
+            of = {row.scene: row.success for row in rows if row.method == method}
+            y = [len(scenes) - scenes.index(scene) + shift for scene in of]
+            value = np.array([share.value for share in of.values()])
+            low = value - [share.low for share in of.values()]
+            high = [share.high for share in of.values()] - value
+            axes.errorbar(
+                value, y, xerr=[low, high], fmt="o", color=colour, label=method, capsize=2
+            )
+        axes.set_yticks(range(len(scenes), 0, -1), [scene.replace("_", " ") for scene in scenes])
+        axes.set(xlim=(-0.02, 1.02), xlabel="success, with 95 % interval")
+        axes.legend(frameon=False, loc="lower left")
+    return write_bytes(path, done())

@@ -16,9 +16,10 @@ from doorway3ds.lab.train.doornet.data.augment import AugmentConfig, Target, vie
 from doorway3ds.lab.train.doornet.data.samples import Sample
 from doorway3ds.lab.train.doornet.losses import LossWeights, all_losses
 from doorway3ds.lab.train.doornet.model import DoorNet, split_at
-from doorway3ds.lab.train.engine.backend import ALONE, Team, device_of
-from doorway3ds.lab.train.engine.loop import Loop, LoopConfig, Row, Watcher
+from doorway3ds.lab.train.engine.backend import device_of
+from doorway3ds.lab.train.engine.loop import LoopConfig, Row
 from doorway3ds.lab.train.engine.outcome import identity as digest_of
+from doorway3ds.lab.train.engine.training import Run
 
 _NONE = 99  # more convolutions than any encoder has
 _CLIP_NORM = 2.0
@@ -192,30 +193,27 @@ def fit(
     net: DoorNet,
     samples: Sequence[Sample],
     config: FitConfig,
+    run: Run,
     *,
     augment: AugmentConfig,
     weights: LossWeights,
-    folder: Path,
-    resume: bool = False,
     held: Sequence[Sample] = (),
     half: bool = False,
     identity: str = "",
-    watcher: Watcher | None = None,
-    team: Team = ALONE,
 ) -> list[Row]:
     """Trains `net` in place; one row of losses per epoch, stages one after the other.
 
-    The averaged weights are in the model, and in folder/stage-N.weights.h5, after each stage;
-    folder/stage-N.npz and .csv hold its checkpoint and losses after each epoch.
+    The averaged weights are in the model, and in run.out/stage-N.weights.h5, after each stage;
+    run.out/stage-N.npz and .csv hold its checkpoint and losses after each epoch.
 
     held: pictures of other places, whose losses are told and decide with `config.patience`.
-    resume: go on from the checkpoints in folder. identity: what else must be the same then.
+    identity: what else must be the same to resume.
     """
     import keras
 
     from doorway3ds.lab.train.doornet.export import OnnxEncoder
 
-    folder.mkdir(parents=True, exist_ok=True)
+    run.out.mkdir(parents=True, exist_ok=True)
     keras.utils.set_random_seed(config.seed)
     sampler = Sampler(samples, config, augment)
     fixed = {**asdict(config), "patience": None, "validate": None, "stages": None}
@@ -231,7 +229,7 @@ def fit(
         apart = front is not None and device_of(net.whole).type == "cpu"
         encode = OnnxEncoder(front) if apart else None
         stem = f"stage-{number}"
-        loop = Loop(
+        loop = run.loop(
             rest if apart else net.whole,
             functools.partial(_losses, weights=weights),
             Drawn(
@@ -253,18 +251,15 @@ def fit(
                 ema=config.ema,
                 first=epochs,
             ),
-            folder,
             stem=stem,
             identity=digest_of(same, [asdict(s) for s in config.stages[: number + 1]]),
             optimizer=_optimizer(stage, config),
             slow=_slow(net, config),
-            watcher=watcher,
-            team=team,
         )
-        history += loop.run(resume)
+        history += loop.run(run.resume)
         epochs += stage.epochs
-        path = folder / f"{stem}.weights.h5"
-        if team.leads and (loop.learned or not path.is_file()):
+        path = run.out / f"{stem}.weights.h5"
+        if run.team.leads and (loop.learned or not path.is_file()):
             save_weights(net, path)
     return history
 

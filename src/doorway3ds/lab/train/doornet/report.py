@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,8 +16,6 @@ from doorway3ds.lab.evaluate.report.html import Report
 from doorway3ds.lab.evaluate.runners import Protocol
 from doorway3ds.lab.train.doornet.data.samples import Sample
 from doorway3ds.lab.train.doornet.model import CANONICAL_F_PX
-from doorway3ds.lab.train.engine import outcome
-from doorway3ds.lab.train.engine.loop import Row
 
 _SHOWN = 8  # depth maps, the worst first
 
@@ -26,20 +23,12 @@ Answer = Mapping[str, Any]
 """The file's outputs for a picture, with "sample" and "target" of its plain view."""
 
 
-def write_report(
-    folder: Path,
-    card: Mapping[str, Any],
-    history: Sequence[Row],
-    answers: Sequence[Answer],
-    about: str,
-) -> Path:
-    """report.html, report.json and PNGs; about: which pictures the answers are of."""
-    report = outcome.training_report(card, history)
+def add_answers(report: Report, answers: Sequence[Answer], about: str) -> None:
+    """Tables and pictures of p_open and depth; about: which pictures the answers are of."""
     if answers:
         report.notes.append(about)
     _add_p_open(report, answers)
     _add_depth(report, answers)
-    return outcome.finish_report(report, folder, card, history)
 
 
 def metres(answer: Answer) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -61,10 +50,9 @@ def _add_p_open(report: Report, answers: Sequence[Answer]) -> None:
         if sample.open is None or not sample.weight:
             continue
         name = f"{sample.source}/{sample.name}"
-        kinds = () if sample.open else tuple(sample.extra.get("states", ()))
         p_open = float(1 / (1 + np.exp(-float(answer["p_open"]))))
         records.setdefault(sample.source, []).append(
-            ClassifierRecord(name, sample.place, bool(sample.open), p_open, kinds)
+            ClassifierRecord(name, sample.place, bool(sample.open), p_open, sample.kinds)
         )
         images[name] = answer["target"].image
     if not records:

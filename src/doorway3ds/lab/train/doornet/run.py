@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import csv
-import datetime
 import io
 import json
-import platform
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -19,36 +17,32 @@ from doorway3ds.errors import UserError
 from doorway3ds.files import write_bytes
 from doorway3ds.lab.datasets.readers import guess_layout
 from doorway3ds.lab.datasets.samples import place_folds
+from doorway3ds.lab.evaluate.report.html import Report
 from doorway3ds.lab.train.doornet.data.augment import view
 from doorway3ds.lab.train.doornet.data.compose import compose
 from doorway3ds.lab.train.doornet.data.marks import apply_marks, read_marks
 from doorway3ds.lab.train.doornet.data.samples import (
     Sample,
     cluster_places,
-    read_doors,
-    read_marked,
-    read_nyu,
-    read_rendered,
+    read_samples,
 )
 from doorway3ds.lab.train.doornet.data.teachers import add_depth, add_segments, describe
 from doorway3ds.lab.train.doornet.export import Calibration, export_onnx
 from doorway3ds.lab.train.doornet.fit import collate, fit, plain_shape, save_weights
 from doorway3ds.lab.train.doornet.model import DoorNet, build_doornet
 from doorway3ds.lab.train.doornet.recipe import Recipe
-from doorway3ds.lab.train.doornet.report import write_report
+from doorway3ds.lab.train.doornet.report import add_answers
 from doorway3ds.lab.train.engine import outcome
-from doorway3ds.lab.train.engine.backend import ALONE, Team, wants_half
+from doorway3ds.lab.train.engine.backend import wants_half
 from doorway3ds.lab.train.engine.calibrate import platt, relative_depth_error
-from doorway3ds.lab.train.engine.loop import Watcher
+from doorway3ds.lab.train.engine.loop import Row
+from doorway3ds.lab.train.engine.training import Run, Training
 from doorway3ds.networks.session import digest
 
 # what the network's file says of itself; the card beside it says the rest
 _SHOWN = ("name", "date", "depth_error", "held_out", "pictures", "thresholds", "presets", "costs")
 # FastDepth's relative error on rooms that it has not seen; those of NYU's training split it has
 _FASTDEPTH_ERROR = 0.16
-# readers of folders with doorways.csv, by layout
-_READERS = {"nyu": read_nyu, "rendered": read_rendered, "plain": read_marked}
-
 _SEEN_BY_CALIBRATION = (
     "Scores are of the held-out places. The calibration of p_open has been fitted on them, and "
     "early stopping, where asked for, looks at them: --report K keeps a further fold from both."
@@ -89,21 +83,13 @@ def read_all(folders: Sequence[Path], teachers: Teachers, recipe: Recipe) -> lis
     """Samples of all data sets, each told by its files, with pseudo-labels where they have none."""
     samples: list[Sample] = []
     for folder in folders:
-        if (folder / "boxes.csv").is_file():
-            found = read_doors(folder, {}, closed_weight=recipe.closed_weight)
+        found = read_samples(folder, closed_weight=recipe.closed_weight)
+        if guess_layout(folder) == "boxes":
             places = cluster_places(describe(found, teachers.places), recipe.same_place)
             found = [
                 replace(sample, place=f"{folder.name}-{place:04d}")
                 for sample, place in zip(found, places, strict=True)
             ]
-        elif (folder / "doorways.csv").is_file():
-            found = _READERS[guess_layout(folder)](folder)
-        else:
-            raise UserError(
-                f"{folder} is not a data set: expected doorways.csv or boxes.csv beside images/"
-            )
-        if not found:
-            raise UserError(f"{folder} lists no image")
         samples += found
     samples = add_depth(samples, teachers.depth, recipe.pseudo.depth)
     return add_segments(samples, teachers.semantic, recipe.pseudo.segments)
@@ -173,127 +159,146 @@ def calibrate(answers: Sequence[dict[str, Any]]) -> tuple[Calibration, dict[str,
     return Calibration(*p_open, *score), errors
 
 
-def train_doornet(
-    folders: Sequence[Path],
-    teachers: Teachers,
-    recipe: Recipe,
-    out: Path,
-    *,
-    hold_out: tuple[int, int] | None = None,
-    report: int | None = None,
-    marks: Path | None = None,
-    calibration: Path | None = None,
-    init: Path | None = None,
-    resume: bool = False,
-    precision: str = "auto",
-    watcher: Watcher | None = None,
-    team: Team = ALONE,
-    command: str = "",
-) -> dict[str, Any]:
-    """Trains, calibrates, exports out/doornet.onnx, reports; returns what the card says.
+class DoorNetTraining(Training):
+    """Trains, calibrates and exports doornet.
 
     hold_out: (fold, folds) of places kept for calibration, limits and early stopping. report: a
     further fold that is kept from everything but the report. marks: closer marks for some of the
     pictures (see `read_marks`). calibration: the card of an earlier held-out run, for a training
     on everything. init: weights of an earlier run of the same recipe's network to start from.
     """
-    import keras
 
-    outcome.require_plots()
-    if recipe.fit.patience and hold_out is None:
-        raise UserError(
-            "stopping early needs places that are not trained on: give --hold-out K/N, or leave "
-            "--patience and the recipe's patience out"
+    name = "doornet"
+
+    def __init__(
+        self,
+        folders: Sequence[Path],
+        teachers: Teachers,
+        recipe: Recipe,
+        run: Run,
+        *,
+        hold_out: tuple[int, int] | None = None,
+        report: int | None = None,
+        marks: Path | None = None,
+        calibration: Path | None = None,
+        init: Path | None = None,
+        precision: str = "auto",
+    ) -> None:
+        if recipe.fit.patience and hold_out is None:
+            raise UserError(
+                "stopping early needs places that are not trained on: give --hold-out K/N, or "
+                "leave --patience and the recipe's patience out"
+            )
+        if recipe.init_share and init is None:
+            raise UserError("the recipe's init_share needs weights to start from: give --init FILE")
+        self.teachers, self.recipe, self.run, self.precision = teachers, recipe, run, precision
+        self.hold_out, self.report, self.marks = hold_out, report, marks
+        self.calibration, self.init = calibration, init
+        samples = read_all(folders, teachers, recipe)
+        if marks is not None:
+            samples = apply_marks(samples, read_marks(marks))
+        kept, self.held = split(samples, *hold_out, report) if hold_out else (samples, [])
+        self.kept = kept + compose(kept, recipe.compose, recipe.fit.seed)
+        self.unseen, self.about = self.held, _SEEN_BY_CALIBRATION
+        if hold_out and report is not None:
+            self.unseen, self.about = split(samples, report, hold_out[1])[1], _SEEN_BY_NOTHING
+        self._halves = halves_of(self.held)
+
+    def fit(self) -> list[Row]:
+        import keras
+
+        recipe, teachers, init, run = self.recipe, self.teachers, self.init, self.run
+        if run.team.leads and self.held:
+            write_held(run.out / "held-out.csv", self.held, self._halves)
+        keras.utils.set_random_seed(recipe.fit.seed)
+        self.net = build_doornet(teachers.semantic, teachers.depth, recipe.network)
+        if init is not None:
+            load_weights(self.net, init)
+        first = [teachers.semantic, teachers.depth, *([init] if init else [])]
+        history = fit(
+            self.net,
+            self.kept,
+            recipe.fit,
+            run,
+            augment=recipe.augment,
+            weights=recipe.losses,
+            held=self.held,
+            half=wants_half(self.precision),
+            identity=outcome.identity(
+                [digest(path) for path in first],
+                asdict(recipe.network),
+                asdict(recipe.pseudo),
+                asdict(recipe.compose),
+                recipe.closed_weight,
+            ),
         )
-    if recipe.init_share and init is None:
-        raise UserError("the recipe's init_share needs weights to start from: give --init FILE")
-    samples = read_all(folders, teachers, recipe)
-    if marks is not None:
-        samples = apply_marks(samples, read_marks(marks))
-    kept, held = split(samples, *hold_out, report) if hold_out else (samples, [])
-    halves = halves_of(held)
-    if team.leads and held:
-        write_held(out / "held-out.csv", held, halves)
-    kept = kept + compose(kept, recipe.compose, recipe.fit.seed)
-    keras.utils.set_random_seed(recipe.fit.seed)
-    net = build_doornet(teachers.semantic, teachers.depth, recipe.network)
-    if init is not None:
-        load_weights(net, init)
-    history = fit(
-        net,
-        kept,
-        recipe.fit,
-        augment=recipe.augment,
-        weights=recipe.losses,
-        folder=out,
-        resume=resume,
-        held=held,
-        half=wants_half(precision),
-        identity=_identity(teachers, recipe, init),
-        watcher=watcher,
-        team=team,
-    )
-    if not team.leads:
-        return {}
-    if recipe.first_share and len(recipe.fit.stages) > 1:
-        blend(net, out / "stage-0.weights.h5", recipe.first_share)
-        save_weights(net, out / "blend.weights.h5")
-    if init is not None and recipe.init_share:
-        blend(net, init, recipe.init_share)
-        save_weights(net, out / "blend.weights.h5")
-    found, measured = Calibration(), dict[str, Any]()
-    path = out / "doornet.onnx"
-    for_half: dict[int, Calibration] = {}
-    if held:
-        export_onnx(net.whole, path, metadata={})
-        answers = predict(path, held)
-        found, measured = calibrate(answers)
-        for half in (1, 2):
-            other = [a for a in answers if halves[a["sample"].source, a["sample"].place] != half]
-            for_half[half] = calibrate(other)[0] if other else found
-    elif calibration is not None:
-        found, measured = read_calibration(calibration)
-    card: dict[str, Any] = {
-        "name": "doornet",
-        "licence": "Apache-2.0",
-        "source": "trained by this project; data and first weights are named below",
-        "date": datetime.date.today().isoformat(),
-        "command": command,
-        "machine": f"{platform.machine()} {platform.system()}",
-        "pictures": {
-            source: sum(s.source == source for s in kept)
-            for source in sorted({s.source for s in kept})
-        },
-        "places": len({s.place for s in kept}),
-        "held_out": f"{hold_out[0] + 1}/{hold_out[1]}" if hold_out else None,
-        "kept_for_report": None
-        if report is None or not hold_out
-        else f"{report + 1}/{hold_out[1]}",
-        "held_out_places": sorted({s.place for s in held}),
-        "marks": None if marks is None else digest(marks),
-        "initialised_from": {
-            "semantic": digest(teachers.semantic),
-            "depth": digest(teachers.depth),
-        },
-        "calibration": asdict(found),
-        "depth_error": max(measured.get("depth_error", 0.0), _FASTDEPTH_ERROR),
-        "thresholds": measured.get("thresholds", {}),
-        "presets": measured.get("presets", {}),
-        "costs": asdict(recipe.costs),
-        "recipe": recipe.text,
-    }
-    shown = {key: card[key] for key in _SHOWN}
-    # the file for a half of the held-out places has seen nothing of it: calibrated on the other
-    for half, calibrated in for_half.items():
-        export_onnx(net.whole, out / f"half-{half}.onnx", calibration=calibrated, metadata=shown)
-    card["parity"] = export_onnx(net.whole, path, calibration=found, metadata=shown)
-    card["sha256"], card["bytes"] = digest(path), path.stat().st_size
-    write_bytes(out / "doornet.json", (json.dumps(card, indent=2) + "\n").encode())
-    unseen, about = held, _SEEN_BY_CALIBRATION
-    if hold_out and report is not None:
-        unseen, about = split(samples, report, hold_out[1])[1], _SEEN_BY_NOTHING
-    write_report(out, card, history, predict(path, unseen), about)
-    return card
+        if run.team.leads:
+            if len(recipe.fit.stages) > 1:
+                self._blend(run.out / "stage-0.weights.h5", recipe.first_share)
+            if init is not None:
+                self._blend(init, recipe.init_share)
+        return history
+
+    def _blend(self, first: Path, share: float) -> None:
+        if share:
+            blend(self.net, first, share)
+            save_weights(self.net, self.run.out / "blend.weights.h5")
+
+    def describe(self) -> dict[str, Any]:
+        found, measured = Calibration(), dict[str, Any]()
+        self._for_half: dict[int, Calibration] = {}
+        if self.held:
+            path = self.run.out / f"{self.name}.onnx"
+            export_onnx(self.net.whole, path, metadata={})
+            answers = predict(path, self.held)
+            found, measured = calibrate(answers)
+            for half in (1, 2):
+                other = [
+                    a
+                    for a in answers
+                    if self._halves[a["sample"].source, a["sample"].place] != half
+                ]
+                self._for_half[half] = calibrate(other)[0] if other else found
+        elif self.calibration is not None:
+            found, measured = read_calibration(self.calibration)
+        self._found = found
+        fold, folds = self.hold_out or (0, 0)
+        return {
+            "licence": "Apache-2.0",
+            "source": "trained by this project; data and first weights are named below",
+            "pictures": dict(sorted(Counter(s.source for s in self.kept).items())),
+            "places": len({s.place for s in self.kept}),
+            "held_out": f"{fold + 1}/{folds}" if folds else None,
+            "kept_for_report": f"{self.report + 1}/{folds}"
+            if folds and self.report is not None
+            else None,
+            "held_out_places": sorted({s.place for s in self.held}),
+            "marks": None if self.marks is None else digest(self.marks),
+            "initialised_from": {
+                "semantic": digest(self.teachers.semantic),
+                "depth": digest(self.teachers.depth),
+            },
+            "calibration": asdict(found),
+            "depth_error": max(measured.get("depth_error", 0.0), _FASTDEPTH_ERROR),
+            "thresholds": measured.get("thresholds", {}),
+            "presets": measured.get("presets", {}),
+            "costs": asdict(self.recipe.costs),
+            "recipe": self.recipe.text,
+        }
+
+    def export(self, path: Path, card: Mapping[str, Any]) -> float:
+        shown = {key: card[key] for key in _SHOWN}
+        # the file for a half of the held-out places has seen nothing of it: calibrated on the other
+        for half, found in self._for_half.items():
+            other = path.with_name(f"half-{half}.onnx")
+            export_onnx(self.net.whole, other, calibration=found, metadata=shown)
+        return export_onnx(self.net.whole, path, calibration=self._found, metadata=shown)
+
+    def page(self, card: Mapping[str, Any]) -> Report:
+        report = outcome.training_report(card, self.history)
+        answers = predict(self.run.out / f"{self.name}.onnx", self.unseen)
+        add_answers(report, answers, self.about)
+        return report
 
 
 def halves_of(held: Sequence[Sample]) -> dict[tuple[str, str], int]:
@@ -313,18 +318,6 @@ def write_held(path: Path, held: Sequence[Sample], halves: Mapping[tuple[str, st
     writer.writerows((s.source, s.name, s.place, halves[s.source, s.place]) for s in held)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_bytes(path, text.getvalue().encode())
-
-
-def _identity(teachers: Teachers, recipe: Recipe, init: Path | None) -> str:
-    """What must be the same for a resumed training, besides what `fit` knows."""
-    first = [teachers.semantic, teachers.depth, *([init] if init else [])]
-    return outcome.identity(
-        [digest(path) for path in first],
-        asdict(recipe.network),
-        asdict(recipe.pseudo),
-        asdict(recipe.compose),
-        recipe.closed_weight,
-    )
 
 
 def load_weights(net: DoorNet, path: Path) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from doorway3ds.errors import UserError
 from doorway3ds.lab.evaluate.classifier import ClassifierMetrics
 from doorway3ds.lab.evaluate.report import plots
-from doorway3ds.lab.evaluate.report.html import Report, write_report
+from doorway3ds.lab.evaluate.report.html import Report
 from doorway3ds.lab.train.engine.loop import Row
 from doorway3ds.networks import registry
 from doorway3ds.networks.session import digest
@@ -66,18 +66,17 @@ def install(name: str, path: Path, licence: str | None = None) -> Path:
 
 def training_report(card: Mapping[str, Any], history: Sequence[Row]) -> Report:
     """What every training's report begins with: its card and its losses."""
-    report = Report(f"Training of {card['name']}", _facts(card))
+    shown = {
+        key: value
+        for key, value in card.items()
+        if key not in ("options", "sha256")
+        and not (key == "held_out" and isinstance(value, Mapping))
+    }
+    report = Report(f"Training of {card['name']}", facts(shown))
     names = [k for k in history[0] if k != "epoch" and not k.startswith("val_")] if history else []
     for name in names:
         report.add_plot(f"curve-{name}", name.capitalize(), curves(history, name))
     return report
-
-
-def finish_report(
-    report: Report, folder: Path, card: Mapping[str, Any], history: Sequence[Row]
-) -> Path:
-    """Writes report.html, report.json and the PNGs."""
-    return write_report(report, folder, plain({"card": card, "history": list(history)}))
 
 
 def confusion(scored: ClassifierMetrics) -> bytes:
@@ -119,12 +118,10 @@ def curves(history: Sequence[Row], name: str) -> bytes:
     return done()
 
 
-def _facts(card: Mapping[str, Any]) -> dict[str, str]:
-    """What a report says first: the card's plain entries and counts."""
+def facts(card: Mapping[str, Any]) -> dict[str, str]:
+    """A card's entries in words, long ones cut."""
     shown = {}
     for key, value in card.items():
-        if key in ("options", "sha256") or (key == "held_out" and isinstance(value, Mapping)):
-            continue
         if isinstance(value, list) and len(value) > _LISTED:
             value = f"{len(value)}: {', '.join(map(str, value[:_LISTED]))} and others"
         if key == "left_out":

@@ -1,4 +1,4 @@
-"""The skeleton of a training: fit, describe, export, illustrate; each network fills the steps."""
+"""The skeleton of a training: fit, describe, export, judge, page; each network fills them."""
 
 from __future__ import annotations
 
@@ -46,20 +46,10 @@ class Run:
 
     def loop(
         self, model: Any, losses: Losses, train: Data, held: Data, config: LoopConfig, **more: Any
-    ) -> list[Row]:
-        """Trains `model` in this run's folder; more: of `Loop`. One row of losses per epoch."""
-        loop = Loop(
-            model,
-            losses,
-            train,
-            held,
-            config,
-            self.out,
-            watcher=self.watcher,
-            team=self.team,
-            **more,
-        )
-        return loop.run(self.resume)
+    ) -> Loop:
+        """What trains `model` in this run's folder; more: of `Loop`."""
+        told = {"watcher": self.watcher, "team": self.team, **more}
+        return Loop(model, losses, train, held, config, self.out, **told)
 
 
 class Training(ABC):
@@ -67,6 +57,7 @@ class Training(ABC):
 
     name: ClassVar[str]
     run: Run
+    history: list[Row]
 
     @abstractmethod
     def fit(self) -> list[Row]:
@@ -80,24 +71,34 @@ class Training(ABC):
     def export(self, path: Path, card: Mapping[str, Any]) -> float:
         """Writes the ONNX file; the largest difference to Keras."""
 
-    @abstractmethod
-    def illustrate(self, report: Report) -> None:
-        """Adds tables and pictures of the held-out scores."""
+    def judge(self, path: Path) -> dict[str, Any]:
+        """What the card says of the written file; nothing unless a network's training does."""
+        return {}
 
-    def __call__(self) -> dict[str, Any]:
-        """Trains and writes NAME.onnx, its card and report.html; returns what the card says.
+    @abstractmethod
+    def page(self, card: Mapping[str, Any]) -> Report:
+        """The report, with tables and pictures of the held-out scores."""
+
+    def train(self) -> dict[str, Any]:
+        """Trains and writes NAME.onnx and its card; returns what the card says.
 
         Empty in every process of a team but the leader's.
         """
-        outcome.require_plots()
-        history = self.fit()
+        self.history = self.fit()
         if not self.run.team.leads:
             return {}
         card = {"name": self.name, **outcome.when_and_where(), **self.run.facts, **self.describe()}
         path = self.run.out / f"{self.name}.onnx"
         card["parity"] = self.export(path, card)
+        card |= self.judge(path)
         outcome.write_card(path, card)
-        report = outcome.training_report(card, history)
-        self.illustrate(report)
-        write_report(report, self.run.out, outcome.plain({"card": card, "history": history}))
+        return card
+
+    def __call__(self) -> dict[str, Any]:
+        """The same with report.html."""
+        outcome.require_plots()
+        card = self.train()
+        if card:
+            data = outcome.plain({"card": card, "history": self.history})
+            write_report(self.page(card), self.run.out, data)
         return card

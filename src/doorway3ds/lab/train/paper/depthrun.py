@@ -127,7 +127,8 @@ class DepthTraining(Training):
         )
         losses = functools.partial(densedepth.losses, most=setting.most)
         config = loop_config(options, amsgrad=True)
-        return self.run.loop(self._model, losses, train, held, config, identity=identity)
+        loop = self.run.loop(self._model, losses, train, held, config, identity=identity)
+        return loop.run(self.run.resume)
 
     def describe(self) -> dict[str, Any]:
         error = self._measure()
@@ -148,13 +149,15 @@ class DepthTraining(Training):
         shown["farthest_m"] = self.setting.farthest_m
         return export_densedepth(self._model, path, shown, self.setting)
 
-    def illustrate(self, report: Report) -> None:
+    def page(self, card: Mapping[str, Any]) -> Report:
+        report = outcome.training_report(card, self.history)
         report.tables.append(pages.depth_table({_HELD_OUT: self._scored}))
         worst = sorted(self._records, key=lambda r: r.errors.delta1)[:_SHOWN]
         samples = {s.name: s for s in self.pairs.samples}
         tiles = [(samples[r.image], self._maps[r.image], r) for r in worst if r.errors.pixels]
         shown = {"held out": tiles} if tiles else {}
         pages.add_depth_pictures(report, {_HELD_OUT: self._records}, shown)
+        return report
 
     def _measure(self) -> float:
         """Errors of the held-out pictures and maps in metres; returns their relative error."""

@@ -108,9 +108,10 @@ class SrinTraining(Training):
 
     def fit_head(self, config: LoopConfig) -> list[Row]:
         """Trains the head alone."""
-        return self.run.loop(
+        loop = self.run.loop(
             self._head, cnn_srin.losses, self._train, self._held, config, identity=self._identity
         )
+        return loop.run(self.run.resume)
 
     def fit(self) -> list[Row]:
         options = self.options
@@ -131,7 +132,7 @@ class SrinTraining(Training):
             )
             for part in (self.split.train, self.split.held)
         )
-        return history + self.run.loop(
+        loop = self.run.loop(
             self._whole,
             cnn_srin.losses,
             train,
@@ -145,6 +146,7 @@ class SrinTraining(Training):
             stem=f"fine-tune-after-{options.epochs}",  # another head needs another second stage
             identity=self._identity,
         )
+        return history + loop.run(self.run.resume)
 
     def records(self) -> list[ClassifierRecord]:
         """What the network as it is says of the held-out pictures."""
@@ -178,12 +180,14 @@ class SrinTraining(Training):
         shown = {key: card[key] for key in ("name", "date", "initialised_from")}
         return export_cnn_srin(self._whole, path, shown, self.side)
 
-    def illustrate(self, report: Report) -> None:
+    def page(self, card: Mapping[str, Any]) -> Report:
+        report = outcome.training_report(card, self.history)
         scored = {"held out": self._scored}
         report.tables.append(pages.classifier_table(scored))
         report.add_plot("confusion", "Confusion matrix", outcome.confusion(self._scored))
         samples = {s.name: s for s in self.pictures.samples}
         pages.add_classifier_pictures(report, samples, {"held out": self._records}, scored)
+        return report
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -27,7 +26,8 @@ from doorway3ds.lab.train.doornet.losses import LossWeights, all_losses
 from doorway3ds.lab.train.doornet.model import DoorNet, is_batch_norm
 from doorway3ds.lab.train.engine.backend import device_of
 from doorway3ds.lab.train.engine.calibrate import platt
-from doorway3ds.lab.train.engine.loop import Row, Watcher
+from doorway3ds.lab.train.engine.loop import Row
+from doorway3ds.lab.train.engine.training import Run
 from doorway3ds.lab.train.site.score import MAX_DEPTH_CHANGE
 from doorway3ds.networks.doornet import DoorNet as Runtime
 
@@ -82,14 +82,12 @@ def tune(
     learn: Sequence[Sample],
     inner: Sequence[Sample],
     options: TuneOptions,
-    folder: Path,
-    watcher: Watcher | None = None,
+    run: Run,
     tell: Callable[[str], None] = lambda line: None,
 ) -> Tuned:
     """Fine-tunes `net` in place on `learn`; `inner` stops, chooses and calibrates.
 
-    Samples carry the depth and floor to hold the network to (`keep_depth`). folder: for
-    checkpoints, which nobody needs afterwards.
+    Samples carry the depth and floor to hold the network to (`keep_depth`).
     """
     first = _look(net, inner, options.batch)
     losses, history = {BEFORE: first.loss}, dict[str, list[Row]]()
@@ -105,11 +103,10 @@ def tune(
             net,
             learn,
             _config(learn, rate, options),
+            replace(run, out=run.out / stage),
             augment=_AUGMENT,
             weights=counted,
-            folder=folder / stage,
             held=inner,
-            watcher=watcher,
         )
         now = _look(net, inner, options.batch)
         losses[stage] = now.loss

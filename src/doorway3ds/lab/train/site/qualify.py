@@ -7,9 +7,8 @@ training, and pictures that nothing but the final comparison sees.
 from __future__ import annotations
 
 import math
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,42 +25,34 @@ from doorway3ds.lab.datasets.readers import CLASS_FOLDERS, guess_layout, read_da
 from doorway3ds.lab.datasets.samples import Sample as Picture
 from doorway3ds.lab.datasets.samples import load_frame, with_camera
 from doorway3ds.lab.evaluate.direction import DirectionRecord
-from doorway3ds.lab.evaluate.runners import (
-    Label,
-    match_answers,
-    methods_on,
-    read_answers,
-    run_direction,
-)
+from doorway3ds.lab.evaluate.report.html import Report
+from doorway3ds.lab.evaluate.runners import match_answers, methods_on, run_direction
+from doorway3ds.lab.evaluate.stored import Label, read_answers
 from doorway3ds.lab.train.doornet.data.samples import (
     Sample,
     from_frame,
-    read_doors,
-    read_marked,
-    read_nyu,
-    read_rendered,
+    read_samples,
 )
 from doorway3ds.lab.train.doornet.export import export_onnx
 from doorway3ds.lab.train.doornet.restore import restore
-from doorway3ds.lab.train.engine import outcome
-from doorway3ds.lab.train.engine.loop import Watcher
-from doorway3ds.lab.train.site import score as qualifyscore
+from doorway3ds.lab.train.engine.loop import Row
+from doorway3ds.lab.train.engine.training import Run, Training
+from doorway3ds.lab.train.site import score
 from doorway3ds.lab.train.site.fit import (
     BEFORE,
     SITE,
-    Tuned,
     TuneOptions,
     depth_change,
     keep_depth,
     tune,
 )
+from doorway3ds.lab.train.site.report import site_page
 from doorway3ds.networks import registry
 from doorway3ds.networks.doornet import DoorNet as Runtime
 from doorway3ds.networks.session import digest
 
 MIN_PICTURES, MIN_PLACES = 8, 8  # pictures of each class, places altogether
 MIN_HELD = 4  # held-out places: fewer say next to nothing of the next one
-_READERS = {"nyu": read_nyu, "rendered": read_rendered, "plain": read_marked}
 _INNER = 0.25  # of what is not held out: stops and chooses
 
 
@@ -80,20 +71,6 @@ class Parts:
             name: {"pictures": len(own), "places": len({p.place for p in own})}
             for name, own in (("learn", self.learn), ("inner", self.inner), ("held", self.held))
         }
-
-
-@dataclass(frozen=True)
-class Qualification:
-    """What came of it. model: the site model's bytes; None where it is not better."""
-
-    comparison: qualifyscore.Comparison
-    verdict: qualifyscore.Verdict
-    records: Mapping[str, Sequence[DirectionRecord]]  # "before" and "after"
-    pictures: Mapping[str, Picture]
-    tuned: Tuned
-    depth_change: float
-    card: dict[str, Any]
-    model: bytes | None = field(default=None, repr=False)
 
 
 def network_file(name: str) -> Path:
@@ -178,16 +155,7 @@ def part(pictures: DoorPictures, hold_out: float, seed: int) -> Parts:
 def read_replay(folders: Sequence[Path], unlike: Sequence[Picture]) -> tuple[list[Sample], int]:
     """Pictures of other data sets to learn from, without near-copies of `unlike`, and how many
     of those were left out."""
-    found: list[Sample] = []
-    for folder in folders:
-        layout = guess_layout(folder)
-        if layout == "boxes":
-            found += read_doors(folder, {})
-        elif layout in _READERS:
-            found += _READERS[layout](folder)
-        else:
-            pictures = read_dataset(folder, layout).samples
-            found += [from_frame(p, load_frame(p), folder.name) for p in pictures]
+    found = [sample for folder in folders for sample in read_samples(folder)]
     if not found:
         return [], 0
     images = [load_frame(picture).image for picture in unlike] + [s.image for s in found]
@@ -197,95 +165,9 @@ def read_replay(folders: Sequence[Path], unlike: Sequence[Picture]) -> tuple[lis
     return [s for i, s in enumerate(found) if i not in alike], len(alike)
 
 
-def qualify(
-    folder: Path,
-    parts: Parts,
-    pictures: DoorPictures,
-    network: Path,
-    *,
-    replay: Sequence[Path] = (),
-    options: TuneOptions,
-    hold_out: float = 0.4,
-    repeats: int = 2000,
-    watcher: Watcher | None = None,
-    tell: Callable[[str], None] = lambda line: None,
-    facts: Mapping[str, Any] | None = None,
-) -> Qualification:
-    """Fine-tunes the network on a site's pictures and compares both on its held-out places.
-
-    folder: where the pictures are from. parts: of `part`. facts: what else the card says.
-    Writes nothing that stays.
-    """
-    before = Runtime(network)
-    restored = restore(network)
-    loose = guess_layout(folder) == "boxes"
-    learn, inner = (
-        keep_depth([from_frame(p, load_frame(p), SITE, loose=loose) for p in own], before)
-        for own in (parts.learn, parts.inner)
-    )
-    others, alike = read_replay(replay, [*parts.held, *parts.inner])
-    with tempfile.TemporaryDirectory(prefix="3ds-qualify-") as scratch:
-        tuned = tune(
-            restored.net,
-            restored.calibration,
-            [*learn, *keep_depth(others, before)],
-            inner,
-            options,
-            Path(scratch),
-            watcher,
-            tell,
-        )
-        card: dict[str, Any] = {
-            "name": "site",
-            "licence": (facts or {}).get("licence"),
-            "source": f"{network.name} fine-tuned on pictures of one site",
-            **outcome.when_and_where(),
-            **(facts or {}),
-            "started_from": digest(network),
-            "parts": parts.to_dict(),
-            "places_by": pictures.grouping,
-            "near_copies_across_the_split": parts.leaks,
-            "replayed": {"pictures": len(others), "near_copies_left_out": alike},
-            "left_out": dict(pictures.left_out),
-            "options": {**asdict(options), "hold_out": hold_out},
-            "learned": tuned.stage,
-            "losses_of_openings": tuned.losses,
-            "calibration": asdict(tuned.calibration),
-            "recalibrated": list(tuned.recalibrated),
-            "rule": qualifyscore.RULE,
-        }
-        shown = {**restored.metadata, "name": "site", "date": card["date"]}
-        path = Path(scratch) / "site.onnx"
-        if tuned.stage == BEFORE:
-            path = network
-        else:
-            card["parity"] = export_onnx(
-                restored.net.whole, path, calibration=tuned.calibration, metadata=shown
-            )
-        records, change = _answers(parts.held, before, Runtime(path))
-        data = path.read_bytes()
-    comparison = qualifyscore.compare(records["before"], records["after"], repeats, options.seed)
-    verdict = qualifyscore.judge(comparison, change)
-    if tuned.stage == BEFORE:
-        why = "nothing learned fits the places set apart better than the network as it is"
-        verdict = qualifyscore.Verdict(False, why)
-    card |= {"better": verdict.better, "why": verdict.why, "depth_change": change}
-    card |= {"held_out": comparison.to_dict()}
-    return Qualification(
-        comparison,
-        verdict,
-        records,
-        {p.name: p for p in parts.held},
-        tuned,
-        change,
-        card,
-        data if verdict.better else None,
-    )
-
-
 def compare_answers(
     pictures: DoorPictures, before: Path, after: Path, repeats: int = 2000, seed: int = 0
-) -> qualifyscore.Comparison:
+) -> score.Comparison:
     """Two networks on all of a site's pictures, by answers that `3ds batch` or `look` stored.
 
     Raises UserError if either cannot be read, or holds answers of several networks.
@@ -303,35 +185,114 @@ def compare_answers(
     both = [name for name in first if name in second]
     if not both:
         raise UserError(f"{before} and {after} answer no image of the site together")
-    return qualifyscore.compare(
+    return score.compare(
         [first[name] for name in both], [second[name] for name in both], repeats, seed
     )
 
 
-def write_model(done: Qualification, out: Path) -> None:
-    """The site model and its card, each whole or not at all."""
-    assert done.model is not None
-    write_bytes(out, done.model)
-    outcome.write_card(out, done.card)
+class SiteTraining(Training):
+    """Fine-tunes a network on a site's pictures and compares both on its held-out places.
 
+    folder: where the pictures are from. parts: of `part`. replay: data sets to learn from, too.
+    repeats: bootstrap resamples of the comparison. tell: told which stage begins.
+    """
 
-def _answers(
-    pictures: Sequence[Picture], before: Runtime, after: Runtime
-) -> tuple[dict[str, list[DirectionRecord]], float]:
-    """Both networks' records of the same pictures, and how much depth changes between them."""
-    answers = [
-        methods_on(network, name, ["opening"])
-        for network, name in ((before, "before"), (after, "after"))
-    ]
-    changes: list[float] = []
+    name = "site"
 
-    def both(frame: Any, depth_m: Any) -> dict[Label, Any]:
-        found = {label: d for answer in answers for label, d in answer(frame, depth_m).items()}
-        first, second = (decision.perception.depth_m for decision in found.values())
-        if first is not None and second is not None:
-            changes.append(depth_change(first, second))
-        return found
+    def __init__(
+        self,
+        folder: Path,
+        pictures: DoorPictures,
+        parts: Parts,
+        network: Path,
+        run: Run,
+        options: TuneOptions,
+        *,
+        replay: Sequence[Path] = (),
+        hold_out: float = 0.4,
+        repeats: int = 2000,
+        tell: Callable[[str], None] = lambda line: None,
+    ) -> None:
+        self.pictures, self.parts, self.network, self.run = pictures, parts, network, run
+        self.options, self.hold_out, self.repeats, self.tell = options, hold_out, repeats, tell
+        self._before = Runtime(network)
+        self._restored = restore(network)
+        loose = guess_layout(folder) == "boxes"
+        self._learn, self._inner = (
+            keep_depth([from_frame(p, load_frame(p), SITE, loose=loose) for p in own], self._before)
+            for own in (parts.learn, parts.inner)
+        )
+        others, self._alike = read_replay(replay, [*parts.held, *parts.inner])
+        self._others = keep_depth(others, self._before)
 
-    runs = run_direction(pictures, both)
-    records = {label.network: column for label, column in runs.records.items()}
-    return records, float(np.mean(changes)) if changes else math.inf
+    def fit(self) -> list[Row]:
+        self.tuned = tune(
+            self._restored.net,
+            self._restored.calibration,
+            [*self._learn, *self._others],
+            self._inner,
+            self.options,
+            self.run,
+            self.tell,
+        )
+        return [row for rows in self.tuned.history.values() for row in rows]
+
+    def describe(self) -> dict[str, Any]:
+        others = {"pictures": len(self._others), "near_copies_left_out": self._alike}
+        return {
+            "source": f"{self.network.name} fine-tuned on pictures of one site",
+            "started_from": digest(self.network),
+            "parts": self.parts.to_dict(),
+            "places_by": self.pictures.grouping,
+            "near_copies_across_the_split": self.parts.leaks,
+            "replayed": others,
+            "left_out": dict(self.pictures.left_out),
+            "options": {**asdict(self.options), "hold_out": self.hold_out},
+            "learned": self.tuned.stage,
+            "losses_of_openings": self.tuned.losses,
+            "calibration": asdict(self.tuned.calibration),
+            "recalibrated": list(self.tuned.recalibrated),
+            "rule": score.RULE,
+        }
+
+    def export(self, path: Path, card: Mapping[str, Any]) -> float:
+        if self.tuned.stage == BEFORE:
+            write_bytes(path, self.network.read_bytes())
+            return 0.0
+        shown = {**self._restored.metadata, "name": self.name, "date": card["date"]}
+        net, found = self._restored.net.whole, self.tuned.calibration
+        return export_onnx(net, path, calibration=found, metadata=shown)
+
+    def judge(self, path: Path) -> dict[str, Any]:
+        answers = [
+            methods_on(network, name, ["opening"])
+            for network, name in ((self._before, "before"), (Runtime(path), "after"))
+        ]
+        changes: list[float] = []
+
+        def both(frame: Any, depth_m: Any) -> dict[Label, Any]:
+            found = {label: d for answer in answers for label, d in answer(frame, depth_m).items()}
+            first, second = (decision.perception.depth_m for decision in found.values())
+            if first is not None and second is not None:
+                changes.append(depth_change(first, second))
+            return found
+
+        runs = run_direction(self.parts.held, both)
+        self.records = {label.network: column for label, column in runs.records.items()}
+        self.depth_change = float(np.mean(changes)) if changes else math.inf
+        seed, repeats = self.options.seed, self.repeats
+        self.comparison = score.compare(
+            self.records["before"], self.records["after"], repeats, seed
+        )
+        self.verdict = score.judge(self.comparison, self.depth_change)
+        if self.tuned.stage == BEFORE:
+            why = "nothing learned fits the places set apart better than the network as it is"
+            self.verdict = score.Verdict(False, why)
+        return {
+            **asdict(self.verdict),
+            "depth_change": self.depth_change,
+            "held_out": self.comparison.to_dict(),
+        }
+
+    def page(self, card: Mapping[str, Any]) -> Report:
+        return site_page(self, card)

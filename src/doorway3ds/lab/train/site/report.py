@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from doorway3ds.lab.datasets.samples import Sample
 from doorway3ds.lab.evaluate import classifier, direction
 from doorway3ds.lab.evaluate.classifier import ClassifierRecord
 from doorway3ds.lab.evaluate.direction import DirectionRecord
 from doorway3ds.lab.evaluate.report import pages, plots, sheets
-from doorway3ds.lab.evaluate.report.html import Report, write_report
+from doorway3ds.lab.evaluate.report.html import Report
 from doorway3ds.lab.train.engine import outcome
-from doorway3ds.lab.train.site import score as qualifyscore
-from doorway3ds.lab.train.site.qualify import Qualification
+from doorway3ds.lab.train.site import score
 from doorway3ds.lab.train.site.score import is_right
+
+if TYPE_CHECKING:
+    from doorway3ds.lab.train.site.qualify import SiteTraining
 
 _SHOWN = (
     "command",
@@ -29,23 +32,16 @@ _SHOWN = (
     "options",
     "learned",
     "recalibrated",
+    "left_out",
 )
 
 
-def write(done: Qualification, folder: Path) -> Path:
-    """report.html, report.json and PNGs in `folder`."""
-    card = outcome.plain(done.card)
+def site_page(done: SiteTraining, card: Mapping[str, Any]) -> Report:
+    """Verdict and measures first, then the pictures that changed sides."""
     facts = {"verdict": ("better: " if done.verdict.better else "not better: ") + done.verdict.why}
-    for key in _SHOWN:
-        value = card.get(key)
-        if value:
-            text = value if isinstance(value, str) else json.dumps(value)
-            facts[key.replace("_", " ")] = text
-    if done.card["left_out"]:
-        name, why = next(iter(done.card["left_out"].items()))
-        facts["left out"] = f"{len(done.card['left_out'])} pictures, first {name}: {why}"
-    report = Report(f"Qualification on {Path(str(done.card['data'])).name}", facts)
-    report.tables.append(qualifyscore.table(done.comparison))
+    facts |= outcome.facts({key: card[key] for key in _SHOWN if card.get(key)})
+    report = Report(f"Qualification on {Path(str(card['data'])).name}", facts)
+    report.tables.append(score.table(done.comparison))
     _add_p_open(report, done)
     marked = any(r.truth.openings for r in done.records["before"])
     if marked:
@@ -55,17 +51,18 @@ def write(done: Qualification, folder: Path) -> Path:
         report.add_plot(f"curve-{stage}", title, outcome.curves(history, "loss"))
     _add_sheets(report, done)
     report.notes += [
-        qualifyscore.RULE,
+        score.RULE,
         pages.INTERVALS,
         f"Depth changed by {100 * done.depth_change:.2f} % on average.",
         "Contact sheets: marked openings green; the answer's bearing amber where within 5 "
         "degrees, red where not.",
     ]
-    return write_report(report, folder, card)
+    return report
 
 
-def _add_p_open(report: Report, done: Qualification) -> None:
+def _add_p_open(report: Report, done: SiteTraining) -> None:
     """Scores of open or not, ROC and calibration of both networks."""
+    pictures = {p.name: p for p in done.parts.held}
     records = {
         name: [
             ClassifierRecord(
@@ -73,7 +70,7 @@ def _add_p_open(report: Report, done: Qualification) -> None:
                 r.truth.place,
                 bool(r.truth.is_open),
                 r.p_open,
-                done.pictures[r.truth.image].kinds,
+                pictures[r.truth.image].kinds,
             )
             for r in column
         ]
@@ -85,7 +82,8 @@ def _add_p_open(report: Report, done: Qualification) -> None:
     report.add_plot("reliability", "Calibration", plots.reliability(scored))
 
 
-def _add_sheets(report: Report, done: Qualification) -> None:
+def _add_sheets(report: Report, done: SiteTraining) -> None:
+    pictures = {p.name: p for p in done.parts.held}
     pairs = list(zip(done.records["before"], done.records["after"], strict=True))
     sides = {
         "spoiled": ("Right before, wrong after", True, False),
@@ -96,7 +94,7 @@ def _add_sheets(report: Report, done: Qualification) -> None:
         chosen = [b for a, b in pairs if (is_right(a), is_right(b)) == (was, becomes)]
         if chosen:
             shown = chosen[: pages.WORST]
-            tiles = [_tile(record, done.pictures[record.truth.image]) for record in shown]
+            tiles = [_tile(record, pictures[record.truth.image]) for record in shown]
             said = f"{title}: {len(chosen)} of {len(pairs)} held-out pictures"
             report.add_sheet(stem, f"{said} (answers: after)", sheets.contact_sheet(tiles))
 
