@@ -85,7 +85,7 @@ def test_without_odometry_nothing_is_sent(body: Body) -> None:
     ("event", "end", "why"),
     [
         ("mute", TurnEnd.LOST, "no odometry comes"),
-        ("jump", TurnEnd.LOST, "the odometry jumps by 90 deg"),
+        ("jump", TurnEnd.LOST, "the odometry jumps by 9"),  # 90 deg, and what it turned meanwhile
         ("blind", TurnEnd.LOST, "no image"),
         ("stop", TurnEnd.STOPPED, "it was stopped"),
         ("close", TurnEnd.STOPPED, "it was stopped"),
