@@ -80,6 +80,8 @@ def live(
     Exit status: 0 the source ended, 1 it was lost or held images that could not be read,
     2 wrong call, 130 ended by Ctrl-C; with --robot that of `3ds run`.
 
+    docs/reasons.md says what each reason asks you to do.
+
     Example: 3ds live webcam://0 --camera pepper-top
     """
     if robot is not None:

@@ -79,6 +79,8 @@ def look(
 
     Exit status: 0 every image was answered, 1 some were not, 2 wrong call.
 
+    docs/reasons.md says what each reason asks you to do.
+
     Example: 3ds look photo.jpg --camera nao-v6-top --json
     """
     from doorway3ds.camera.choice import choose_camera

@@ -62,6 +62,8 @@ def run(
     3 no open doorway in a full circle, 4 blocked, 5 unsure, 6 camera or robot lost,
     7 bumper or fall, 130 Ctrl-C.
 
+    docs/reasons.md says what each reason asks you to do.
+
     Example: 3ds run 'sim://home?seed=7' --robot sim --move
     """
     from doorway3ds.draw.words import counted
