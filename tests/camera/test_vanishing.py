@@ -49,7 +49,7 @@ def test_the_command_reports_the_deviation(capsys):
     assert "does not fit the lines of" in capsys.readouterr().err
     mirror = str(EXAMPLES / "mirror.jpg")
     assert run(["calibrate", "--check", mirror, "--camera", "pepper-top"]) == 1
-    assert "do not tell a focal length" in capsys.readouterr().err
+    assert "do not determine a focal length" in capsys.readouterr().err
     assert run(call) == 2
     assert "--camera" in capsys.readouterr().err
     assert run(["calibrate", "board/", "--camera", "pepper-top"]) == 2

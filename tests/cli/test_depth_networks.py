@@ -74,7 +74,9 @@ def test_relative_depth_needs_a_floor(cli: Cli) -> None:
     )
     assert ran.status == 2
     (line,) = ran.err.splitlines()
-    assert "returns depth without metres, which are needed here; join one that gives floor" in line
+    assert (
+        "returns depth without metres, which are needed here; join one that returns floor" in line
+    )
 
 
 @pytest.mark.parametrize(

@@ -134,7 +134,7 @@ def _of_chain(found: Info) -> Info:
     if not cameras:
         return found
     if len(cameras) > 1:
-        raise ValueError(f"it holds {', '.join(cameras)}; keep the one camera that is meant")
+        raise ValueError(f"it holds {', '.join(cameras)}; keep only the one that you mean")
     ((name, camera),) = cameras.items()
     kind, model = camera.get("camera_model"), camera.get("distortion_model")
     if kind != "pinhole":

@@ -71,7 +71,7 @@ class Guide:
         """
         height, width = image.shape[:2]
         if self.size not in (None, (width, height)):
-            raise UserError(f"{name} is {width}x{height} and the frames before it were not")
+            raise UserError(f"{name} is {width}x{height} and the frames before it had another size")
         self.size = (width, height)
         found = _look_for(image, self.board)
         if found is None:

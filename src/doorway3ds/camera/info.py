@@ -92,12 +92,12 @@ def check_matrix(matrix: list[float], width: int, height: int) -> None:
     Transposed, normalised or of another size it would be read without complaint, and be wrong.
     """
     if len(matrix) != 9:
-        raise ValueError(f"camera_matrix has 9 numbers, got {len(matrix)}")
+        raise ValueError(f"camera_matrix must have 9 numbers, got {len(matrix)}")
     if not any(matrix):
         raise ValueError("camera_matrix is all zero: the camera has not been calibrated")
     fx, skew, cx, _, fy, cy, *last = matrix
     if matrix[3] != 0 or last != [0, 0, 1] or abs(skew) > _MOST_SKEW * abs(fx):
-        raise ValueError(f"camera_matrix is fx 0 cx, 0 fy cy, 0 0 1, got {matrix}")
+        raise ValueError(f"camera_matrix must be fx 0 cx, 0 fy cy, 0 0 1, got {matrix}")
     if not (0 <= cx <= width and 0 <= cy <= height):
         raise ValueError(
             f"its principal point {cx:g}, {cy:g} lies outside its image of {width}x{height}; "
@@ -132,9 +132,9 @@ def distortion(model: str | None, coefficients: list[float]) -> tuple[str, list[
     wanted = MODELS[model]
     # Drivers pad with zeros: OpenCV knows 12 and 14 coefficients, ROS's plumb_bob has 5.
     if any(coefficients[wanted:]):
-        raise ValueError(f"{model} has {wanted} coefficients, got {count}")
+        raise ValueError(f"{model} needs {wanted} coefficients, got {count}")
     if count < wanted and count not in ((0, 4) if model == "plumb_bob" else (0,)):
-        raise ValueError(f"{model} has {wanted} coefficients, got {count}")
+        raise ValueError(f"{model} needs {wanted} coefficients, got {count}")
     return model, (coefficients + [0.0] * wanted)[:wanted]
 
 

@@ -27,7 +27,7 @@ class LensOptions(Options):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.camera is not None and self.fov_deg is not None:
-            raise CallError("--camera and --fov-deg both say the field of view; give one of them")
+            raise CallError("--camera and --fov-deg both set the field of view; give one of them")
 
 
 @dataclass(frozen=True)

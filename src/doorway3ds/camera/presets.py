@@ -36,6 +36,6 @@ PRESETS: dict[str, tuple[Camera, Pose]] = {
 def preset(name: str, width: int, height: int) -> tuple[Camera, Pose]:
     """The preset's camera for an image of this size, and its pose with the head at zero."""
     if name not in PRESETS:
-        raise UserError(f"no camera preset '{name}'; there are {', '.join(sorted(PRESETS))}")
+        raise UserError(f"no camera preset '{name}'; expected one of {', '.join(sorted(PRESETS))}")
     camera, pose = PRESETS[name]
     return camera.scaled_to(width, height), pose

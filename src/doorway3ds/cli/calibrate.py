@@ -164,8 +164,8 @@ def _check(name: str, lens: LensOptions) -> None:
     found = check_focal(frame.image, frame.camera)
     if found is None:
         raise UserError(
-            f"the lines of {name} do not tell a focal length; take a room's corner or a wall at a "
-            "slant, with long edges in all three directions"
+            f"the lines of {name} do not determine a focal length; take a room's corner or a wall at "
+            "a slant, with long edges in all three directions"
         )
     fx = frame.camera.fx
     typer.echo(
@@ -217,7 +217,7 @@ def _guided(uri: str, board: Board, name: str, model: str | None) -> Calibration
                 if frame.camera != made[0]:
                     raise UserError(
                         f"{source.name} is turned upright by its metadata, and a camera file is of "
-                        "the sensor; film without a turn, or calibrate with still images"
+                        "the sensor; film without rotation, or calibrate with still images"
                     )
                 shown.update(guide.look(f"frame {number}", frame.image, frame.stamp_s))
                 if not guide.missing:

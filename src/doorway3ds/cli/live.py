@@ -87,7 +87,7 @@ def live(
     if robot is not None:
         require_robot(robot)
         if frames is not None:
-            raise CallError("--frames would stop a robot half-way; leave it out, or --robot")
+            raise CallError("--frames would stop a robot half-way; leave out --frames or --robot")
     elif motion.move:
         raise CallError("--move allows a robot to turn; name it by --robot")
     require_film(out)

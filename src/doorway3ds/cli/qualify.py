@@ -66,7 +66,7 @@ def qualify(
     Example: 3ds qualify images --report site
     """
     if out.suffix != ".onnx":
-        raise CallError(f"--out is the site model's file, such as site.onnx, got {out}")
+        raise CallError(f"--out must be the site model's file, such as site.onnx, got {out}")
     if not learning_rate > 0:
         raise CallError(f"--learning-rate must be above 0, got {learning_rate:g}")
     if answers and len(answers) != 2:

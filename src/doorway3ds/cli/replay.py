@@ -78,7 +78,7 @@ class _Kept:
 
     def __call__(self, image: Any, camera: Any) -> Perception:
         if self.perception is None:
-            raise UserError("this look was recorded without what the network said")
+            raise UserError("this look was recorded without the network's output")
         return self.perception
 
 

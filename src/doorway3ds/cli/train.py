@@ -84,7 +84,7 @@ def doornet(
 
     fold = parse_split(hold_out) if hold_out else None
     if report is not None and (fold is None or not 1 <= report <= fold[1] or report - 1 == fold[0]):
-        raise CallError("--report is another fold of those that --hold-out K/N counts")
+        raise CallError("--report must be another fold than K of --hold-out K/N, from 1 to N")
     chosen = read_recipe(recipe)
     given = {"seed": seed, "patience": patience}
     changed: dict[str, Any] = {key: value for key, value in given.items() if value is not None}

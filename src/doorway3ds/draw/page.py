@@ -98,7 +98,7 @@ def annotate(decision: Decision, width: int = DESIGN_WIDTH, faint: bool = False)
     """
     if width < _SMALLEST_WIDTH:
         raise ValueError(
-            f"an annotated image is at least {_SMALLEST_WIDTH} pixels wide, got {width}"
+            f"an annotated image must be at least {_SMALLEST_WIDTH} pixels wide, got {width}"
         )
     decision = decision if faint else without_faint(decision)
     page = _Page(width)

@@ -241,7 +241,7 @@ def load(name: str, *, threads: int | None = None, needs: Iterable[str] = ()) ->
     if lacking == [DEPTH] and RELATIVE in network.gives:
         raise CallError(
             f"network {name} returns depth without metres, which are needed here; join one that "
-            f"gives {FLOOR}, as in doornet+{presets.RELATIVE}, and say the lens height"
+            f"returns {FLOOR}, as in doornet+{presets.RELATIVE}, and set the lens height"
         )
     if lacking:
         raise CallError(

@@ -103,7 +103,7 @@ class DepthFile(OnnxNetwork):
             if not least <= median <= most:
                 raise UserError(
                     f"network {self.name} sees a median depth of {median:.3g} m, expected "
-                    f"{least:g} to {most:g}; its unit is hardly {spec.unit}: correct its sidecar"
+                    f"{least:g} to {most:g}; its unit is probably not {spec.unit}: see its sidecar"
                 )
             self._plausible = True
         if spec.focal_px is not None:

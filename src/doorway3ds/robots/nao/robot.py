@@ -99,7 +99,8 @@ class NaoRobot:
     def turn(self, theta_deg: float, timeout_s: float) -> TurnResult:
         if not math.isfinite(theta_deg) or abs(theta_deg) > self.limits.max_turn_deg + 1e-9:
             raise RobotError(
-                f"a turn is a number within {self.limits.max_turn_deg:g} deg, got {theta_deg:g}"
+                f"turn angle must be finite and at most {self.limits.max_turn_deg:g} degrees, got "
+                f"{theta_deg:g}"
             )
         began = time.monotonic()
         if self._halt is not None:

@@ -59,7 +59,7 @@ class Call:
                 raise RobotLost(f"{self._what}: the connection is gone")
             if time.monotonic() > deadline:
                 self._future.cancel()
-                raise RobotLost(f"{self._what} gave no answer within {timeout_s:g} s")
+                raise RobotLost(f"{self._what} did not answer within {timeout_s:g} s")
         if not self._future.hasError(0):
             return self._future.value(0)
         reason = _first_line(self._future.error())

@@ -83,7 +83,7 @@ class Fields(BaseModel):
     @model_validator(mode="after")
     def _one_field_of_view(self) -> Fields:
         if self.camera is not None and self.fov_deg is not None:
-            raise ValueError("camera and fov_deg both say the field of view; give one of them")
+            raise ValueError("camera and fov_deg both set the field of view; give one of them")
         if self.camera is not None and self.camera not in (AUTO, *PRESETS):
             raise ValueError(f"camera must be {AUTO} or one of {', '.join(sorted(PRESETS))}")
         return self
