@@ -164,8 +164,8 @@ def _check(name: str, lens: LensOptions) -> None:
     found = check_focal(frame.image, frame.camera)
     if found is None:
         raise UserError(
-            f"the lines of {name} do not determine a focal length; take a room's corner or a wall at "
-            "a slant, with long edges in all three directions"
+            f"the lines of {name} do not determine a focal length; take a room's corner or a wall "
+            "at a slant, with long edges in all three directions"
         )
     fx = frame.camera.fx
     typer.echo(
