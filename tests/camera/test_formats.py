@@ -163,7 +163,7 @@ def test_other_names_of_the_models(tmp_path: Path, said: str, model: str) -> Non
 @pytest.mark.parametrize(
     ("old", "new", "error"),
     [
-        ("520, 0, 325.5, 0, 525, 236, 0, 0, 1", "520, 0, 0, 0, 525, 0, 325.5, 236, 1", "must be fx 0"),
+        ("520, 0, 325.5, 0, 525, 236, 0, 0, 1", "520, 0, 0, 0, 525, 0, 325.5, 236, 1", "be fx 0"),
         ("520, 0, 325.5", "520, 30, 325.5", "must be fx 0 cx"),
         ("520, 0, 325.5, 0, 525, 236, 0, 0, 1", "0, 0, 0, 0, 0, 0, 0, 0, 0", "not been calibrated"),
         ("520, 0, 325.5, 0, 525, 236", "0.81, 0, 0.51, 0, 1.09, 0.49", "are they in pixels"),
