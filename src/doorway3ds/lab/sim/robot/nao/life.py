@@ -62,8 +62,7 @@ class AutonomousLife(Service):
     def stopFocus(self) -> None:
         self._focus = ""
 
-    def stopAll(self) -> None:
-        self._focus = ""
+    stopAll = stopFocus
 
     def getAutonomousAbilityEnabled(self, ability: str) -> bool:
         return self._abilities.get(ability, False)
@@ -153,8 +152,7 @@ class BasicAwareness(Service):
     def stopAwareness(self) -> None:
         self._on = False
 
-    def isAwarenessRunning(self) -> bool:
-        return self._on
+    isAwarenessRunning = isEnabled
 
     def pauseAwareness(self) -> None:
         self._paused = True
@@ -231,26 +229,15 @@ class BehaviorManager(Service):
     def getInstalledBehaviors(self) -> list[str]:
         return list(self._installed)
 
-    def getBehaviorNames(self) -> list[str]:
-        return list(self._installed)
+    getBehaviorNames = getSystemBehaviorNames = getInstalledBehaviors
 
     def getUserBehaviorNames(self) -> list[str]:
         return []
 
-    def getSystemBehaviorNames(self) -> list[str]:
-        return list(self._installed)
-
     def isBehaviorInstalled(self, name: str) -> bool:
         return name in self._installed
 
-    def isBehaviorPresent(self, name: str) -> bool:
-        return name in self._installed
-
-    def isBehaviorLoaded(self, name: str) -> bool:
-        return self.isBehaviorRunning(name)
-
-    def preloadBehavior(self, name: str) -> bool:
-        return name in self._installed
+    isBehaviorPresent = preloadBehavior = isBehaviorInstalled
 
     def startBehavior(self, name: str) -> None:
         """Starts it and does not wait."""
@@ -273,11 +260,12 @@ class BehaviorManager(Service):
     def isBehaviorRunning(self, name: str) -> bool:
         return self._until.get(name, 0.0) > self._nao.body.clock.now()
 
+    isBehaviorLoaded = isBehaviorRunning
+
     def getRunningBehaviors(self) -> list[str]:
         return [name for name in self._installed if self.isBehaviorRunning(name)]
 
-    def getLoadedBehaviors(self) -> list[str]:
-        return self.getRunningBehaviors()
+    getLoadedBehaviors = getRunningBehaviors
 
     def getBehaviorTags(self, name: str) -> list[str]:
         return []

@@ -69,8 +69,7 @@ class Leds(Service):
     def listLEDs(self) -> list[str]:
         return list(self._colours)
 
-    def listLED(self, name: str) -> list[str]:
-        return self._leds(name)
+    listLED = listGroup
 
     def createGroup(self, name: str, leds: Any) -> None:
         self._groups[name] = [led for part in leds for led in self._leds(part)]
@@ -81,8 +80,7 @@ class Leds(Service):
     def off(self, name: str) -> None:
         self.setIntensity(name, 0.0)
 
-    def reset(self, name: str) -> None:
-        self.setIntensity(name, 1.0)
+    reset = on
 
     def setIntensity(self, name: str, intensity: float) -> None:
         self._paint(name, (intensity,) * 3, 0.0)
@@ -186,8 +184,7 @@ class System(Service):
     def systemVersion(self) -> str:
         return VERSION
 
-    def previousSystemVersion(self) -> str:
-        return VERSION
+    previousSystemVersion = systemVersion
 
     def timezone(self) -> str:
         return self._zone
@@ -210,8 +207,7 @@ class System(Service):
         """The motors go off; the session goes on."""
         self._nao.services["ALMotion"].rest()
 
-    def shutdown(self) -> None:
-        self._nao.services["ALMotion"].rest()
+    shutdown = reboot
 
 
 class PhotoCapture(

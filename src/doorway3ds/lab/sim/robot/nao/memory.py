@@ -270,8 +270,7 @@ class Memory(Service):
                     f"ALMemory::unsubscribeToEvent {module} does not subscribe to {name}"
                 )
 
-    def unsubscribeToMicroEvent(self, name: str, module: str) -> None:
-        self.unsubscribeToEvent(name, module)
+    unsubscribeToMicroEvent = unsubscribeToEvent
 
     def subscriber(self, name: str) -> Any:
         """An object whose `signal` fires with the event's value."""

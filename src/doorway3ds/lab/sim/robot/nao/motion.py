@@ -181,8 +181,7 @@ class Motion(Walk, quiet=EFFECTORS):
     def getBodyNames(self, name: str) -> list[str]:
         return self._joints(name)
 
-    def getJointNames(self, name: str) -> list[str]:
-        return self._joints(name)
+    getJointNames = getBodyNames
 
     def getSensorNames(self) -> list[str]:
         return list(self._nao.body.model.parts)
@@ -343,13 +342,10 @@ class Posture(Service):
         if name not in body.model.postures:
             return False
         family = self.getPostureFamily()
-        if body.posture != name or not body.awake:
-            took = 0.6 / max(float(speed), 0.1)
-            body.go(name, took)
-            body.clock.sleep(took)
-        else:
-            body.go(name, 0.1)
-            body.clock.sleep(0.1)
+        stands = body.posture == name and body.awake
+        took = 0.1 if stands else 0.6 / max(float(speed), 0.1)
+        body.go(name, took)
+        body.clock.sleep(took)
         body.awake = True
         memory = self._nao.memory
         memory.raiseEvent("PostureChanged", name)
@@ -357,8 +353,7 @@ class Posture(Service):
             memory.raiseEvent("PostureFamilyChanged", self.getPostureFamily())
         return True
 
-    def applyPosture(self, name: str, speed: float) -> bool:
-        return self.goToPosture(name, speed)
+    applyPosture = goToPosture
 
     def getPosture(self) -> str:
         return self._nao.body.posture

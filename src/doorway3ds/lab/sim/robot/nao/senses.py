@@ -76,20 +76,18 @@ class FaceDetection(Extractor):
         self._camera, self._threshold = 0, 0.4
         self._known: list[str] = []
 
-    def enableRecognition(self, enabled: bool) -> None:
-        self._recognises = bool(enabled)
-
     def setRecognitionEnabled(self, enabled: bool) -> None:
         self._recognises = bool(enabled)
+
+    enableRecognition = setRecognitionEnabled
 
     def isRecognitionEnabled(self) -> bool:
         return self._recognises
 
-    def enableTracking(self, enabled: bool) -> None:
-        self._tracks = bool(enabled)
-
     def setTrackingEnabled(self, enabled: bool) -> None:
         self._tracks = bool(enabled)
+
+    enableTracking = setTrackingEnabled
 
     def isTrackingEnabled(self) -> bool:
         return self._tracks
@@ -143,11 +141,7 @@ class FaceDetection(Extractor):
     def getEventList(self) -> list[str]:
         return ["FaceDetected"]
 
-    def getMemoryKeyList(self) -> list[str]:
-        return ["FaceDetected"]
-
-    def getOutputNames(self) -> list[str]:
-        return ["FaceDetected"]
+    getMemoryKeyList = getOutputNames = getEventList
 
 
 class Tracker(Service):

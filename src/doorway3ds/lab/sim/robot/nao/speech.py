@@ -90,8 +90,7 @@ class Speech(Service):
     def getAvailableLanguages(self) -> list[str]:
         return list(_VOICES)
 
-    def getSupportedLanguages(self) -> list[str]:
-        return list(_VOICES)
+    getSupportedLanguages = getAvailableLanguages
 
     def locale(self) -> str:
         return {"English": "en_US", "French": "fr_FR", "German": "de_DE", "Japanese": "ja_JP",
@@ -184,20 +183,12 @@ class AnimatedSpeech(Service):
     def isBodyLanguageEnabled(self) -> bool:
         return self._mode > 0
 
-    def setBodyTalkEnabled(self, enabled: bool) -> None:
-        self.setBodyLanguageEnabled(enabled)
-
-    def isBodyTalkEnabled(self) -> bool:
-        return self.isBodyLanguageEnabled()
+    setBodyTalkEnabled, isBodyTalkEnabled = setBodyLanguageEnabled, isBodyLanguageEnabled
 
     def addTagsToWords(self, tags: Any) -> None:
         return
 
-    def declareTagForAnimations(self, tags: Any) -> None:
-        return
-
-    def declareAnimationsPackage(self, package: str) -> None:
-        return
+    declareTagForAnimations = declareAnimationsPackage = addTagsToWords
 
 
 class Dialog(

@@ -173,25 +173,20 @@ class Video(Service):
         images = self._images(handle)
         return images[0] if images else None
 
-    @returns("+" + CONTAINER)
-    def getImageLocal(self, handle: str) -> Any:
-        return self.getImageRemote(handle)
+    getImageLocal = getImageRemote
 
     @returns("[" + CONTAINER + "]")
     def getImagesRemote(self, handle: str) -> Any:
         """A container for each camera of the subscription."""
         return self._images(handle)
 
-    @returns("[" + CONTAINER + "]")
-    def getImagesLocal(self, handle: str) -> Any:
-        return self._images(handle)
+    getImagesLocal = getImagesRemote
 
     def releaseImage(self, handle: str) -> bool:
         with self._lock:
             return handle in self._open
 
-    def releaseImages(self, handle: str) -> bool:
-        return self.releaseImage(handle)
+    releaseImages = releaseImage
 
     def _images(self, handle: str) -> list[Any]:
         faults = self._nao.faults
@@ -258,20 +253,7 @@ class Video(Service):
     def openCamera(self, camera: int) -> bool:
         return self._has(camera)
 
-    def startCamera(self, camera: int) -> bool:
-        return self._has(camera)
-
-    def stopCamera(self, camera: int) -> bool:
-        return self._has(camera)
-
-    def closeCamera(self, camera: int) -> bool:
-        return self._has(camera)
-
-    def isCameraOpen(self, camera: int) -> bool:
-        return self._has(camera)
-
-    def isCameraStarted(self, camera: int) -> bool:
-        return self._has(camera)
+    startCamera = stopCamera = closeCamera = isCameraOpen = isCameraStarted = openCamera
 
     def resolutionToSizes(self, resolution: int) -> list[int]:
         return list(SIZES.get(resolution, (-1, -1)))

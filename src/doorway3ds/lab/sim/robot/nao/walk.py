@@ -106,33 +106,17 @@ class Walk(Service):
         self._nao.released.set()
         self._nao.released.clear()
 
-    def killMove(self) -> None:
-        self.stopMove()
-
-    def stopWalk(self) -> None:
-        self.stopMove()
-
-    def killWalk(self) -> None:
-        self.stopMove()
-
-    def walkInit(self) -> None:
-        self.moveInit()
-
-    def walkTo(self, *given: Any) -> bool:
-        return self.moveTo(*given)
+    killMove = stopWalk = killWalk = stopMove
+    walkInit, walkTo = moveInit, moveTo
 
     def moveIsActive(self) -> bool:
-        return self._nao.body.moving
-
-    def walkIsActive(self) -> bool:
         return self._nao.body.moving
 
     def waitUntilMoveIsFinished(self) -> None:
         while self._nao.body.moving:
             self._nao.body.clock.sleep(0.02)
 
-    def waitUntilWalkIsFinished(self) -> None:
-        self.waitUntilMoveIsFinished()
+    walkIsActive, waitUntilWalkIsFinished = moveIsActive, waitUntilMoveIsFinished
 
     @returns("[f]")
     def getRobotPosition(self, sensors: bool = True) -> list[float]:
@@ -168,8 +152,7 @@ class Walk(Service):
     def getMoveArmsEnabled(self, chain: str = "Arms") -> bool:
         return {"LArm": self._arms[0], "RArm": self._arms[1]}.get(chain, all(self._arms))
 
-    def setWalkArmsEnabled(self, left: bool, right: bool) -> None:
-        self.setMoveArmsEnabled(left, right)
+    setWalkArmsEnabled = setMoveArmsEnabled
 
     def getWalkArmsEnabled(self) -> list[bool]:
         return list(self._arms)
