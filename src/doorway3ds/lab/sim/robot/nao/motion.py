@@ -18,14 +18,8 @@ _WAKE_S = 1.0
 _FLAGS = {
     "BreathEnabled": False,
     "CollisionProtectionEnabled": True,
-    "DiagnosisEffectEnabled": True,
     "ExternalCollisionProtectionEnabled": True,
-    "FallManagerEnabled": True,
     "IdlePostureEnabled": False,
-    "OrthogonalSecurityDistance": 0.4,
-    "PushRecoveryEnabled": True,
-    "SmartStiffnessEnabled": True,
-    "TangentialSecurityDistance": 0.1,
 }
 """Reflexes and safety as they are when the robot starts; kept when set, and without effect."""
 
@@ -36,7 +30,6 @@ class Motion(Walk, quiet=EFFECTORS):
     def __init__(self, nao: VirtualNao) -> None:
         super().__init__(nao)
         self._flags: dict[str, dict[str, Any]] = {name: {} for name in _FLAGS}
-        self._breath: list[list[Any]] = [["Bpm", 12.0], ["Amplitude", 0.5]]
 
     # Stiffness.
 
@@ -217,30 +210,6 @@ class Motion(Walk, quiet=EFFECTORS):
 
     # Reflexes and safety.
 
-    def setFallManagerEnabled(self, enabled: bool) -> None:
-        self._flags["FallManagerEnabled"][""] = enabled
-
-    def getFallManagerEnabled(self) -> bool:
-        return bool(self._flag("FallManagerEnabled"))
-
-    def setSmartStiffnessEnabled(self, enabled: bool) -> None:
-        self._flags["SmartStiffnessEnabled"][""] = enabled
-
-    def getSmartStiffnessEnabled(self) -> bool:
-        return bool(self._flag("SmartStiffnessEnabled"))
-
-    def setPushRecoveryEnabled(self, enabled: bool) -> None:
-        self._flags["PushRecoveryEnabled"][""] = enabled
-
-    def getPushRecoveryEnabled(self) -> bool:
-        return bool(self._flag("PushRecoveryEnabled"))
-
-    def setDiagnosisEffectEnabled(self, enabled: bool) -> None:
-        self._flags["DiagnosisEffectEnabled"][""] = enabled
-
-    def getDiagnosisEffectEnabled(self) -> bool:
-        return bool(self._flag("DiagnosisEffectEnabled"))
-
     def setCollisionProtectionEnabled(self, chain: str, enabled: bool) -> bool:
         self._flags["CollisionProtectionEnabled"][chain] = enabled
         return True
@@ -256,29 +225,11 @@ class Motion(Walk, quiet=EFFECTORS):
     def getExternalCollisionProtectionEnabled(self, name: str) -> bool:
         return bool(self._flag("ExternalCollisionProtectionEnabled", name))
 
-    def setOrthogonalSecurityDistance(self, metres: float) -> None:
-        self._flags["OrthogonalSecurityDistance"][""] = metres
-
-    def getOrthogonalSecurityDistance(self) -> float:
-        return float(self._flag("OrthogonalSecurityDistance"))
-
-    def setTangentialSecurityDistance(self, metres: float) -> None:
-        self._flags["TangentialSecurityDistance"][""] = metres
-
-    def getTangentialSecurityDistance(self) -> float:
-        return float(self._flag("TangentialSecurityDistance"))
-
     def setBreathEnabled(self, chain: str, enabled: bool) -> None:
         self._flags["BreathEnabled"][chain] = enabled
 
     def getBreathEnabled(self, chain: str) -> bool:
         return bool(self._flag("BreathEnabled", chain))
-
-    def setBreathConfig(self, config: Any) -> None:
-        self._breath = [list(pair) for pair in config]
-
-    def getBreathConfig(self) -> list[list[Any]]:
-        return self._breath
 
     def setIdlePostureEnabled(self, chain: str, enabled: bool) -> None:
         self._flags["IdlePostureEnabled"][chain] = enabled
@@ -286,7 +237,7 @@ class Motion(Walk, quiet=EFFECTORS):
     def getIdlePostureEnabled(self, chain: str) -> bool:
         return bool(self._flag("IdlePostureEnabled", chain))
 
-    def _flag(self, name: str, chain: str = "") -> Any:
+    def _flag(self, name: str, chain: str) -> Any:
         kept = self._flags[name]
         return kept.get(chain, kept.get("Body", _FLAGS[name]))
 

@@ -182,7 +182,16 @@ QUIET: dict[str, Quiet] = {
 }  # fmt: skip
 
 EFFECTORS = Quiet(
-    answers={
+    {
+        "setFallManagerEnabled/getFallManagerEnabled": True,
+        "setSmartStiffnessEnabled/getSmartStiffnessEnabled": True,
+        "setPushRecoveryEnabled/getPushRecoveryEnabled": True,
+        "setDiagnosisEffectEnabled/getDiagnosisEffectEnabled": True,
+        "OrthogonalSecurityDistance": 0.4,
+        "TangentialSecurityDistance": 0.1,
+        "BreathConfig": [["Bpm", 12.0], ["Amplitude", 0.5]],
+    },
+    {
         "wbGoToBalance": True,
         "getFootSteps": [[], [], []],
         "getMass": 5.3,
@@ -193,7 +202,7 @@ EFFECTORS = Quiet(
     "wbEnable wbFootState wbEnableBalanceConstraint wbEnableEffectorControl wbSetEffectorControl "
     "wbEnableEffectorOptimization setFootSteps setFootStepsWithSpeed killTasksUsingResources",
 )
-"""Of ALMotion: effectors, balance and single steps."""
+"""Of ALMotion: reflexes, safety, effectors, balance and single steps."""
 
 TABLET = Quiet(
     {"Brightness": 1.0, "Volume": 7, "BackgroundColor": "#000000"},
