@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import itertools
+import socket
+import struct
 import threading
 import time
 from collections.abc import Callable
@@ -18,7 +20,7 @@ from doorway3ds.sources import Shot, SourceLost, View, open_source
 from doorway3ds.sources import live as live_module
 from doorway3ds.sources.capture import OpenCvCapture
 from doorway3ds.sources.live import LiveSource
-from tests.factories import number
+from tests.factories import encode, number, scene
 from tests.sources.servers import MjpegServer
 
 
@@ -342,3 +344,32 @@ def test_nobody_there_is_one_line() -> None:
             open_source(uri)
         assert str(caught.value).startswith(f"{uri} cannot be opened: ")
         assert "\n" not in str(caught.value)
+
+
+def test_a_connection_that_ends_with_a_redirect_is_made_anew() -> None:
+    """As cameras do it: the redirect, then a reset, and never a word of `Connection: close`."""
+    moved = b"HTTP/1.1 301 Moved\r\nLocation: /stream/\r\nContent-Length: 0\r\n\r\n"
+    stream = b"HTTP/1.1 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=b\r\n\r\n"
+    image = encode(scene())
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve() -> None:
+            first, _ = server.accept()
+            first.recv(4096)
+            first.sendall(moved)
+            first.recv(1)  # of the next request, which is then reset
+            first.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            first.close()
+            again, _ = server.accept()
+            with again:
+                for answer in (moved, stream + b"--b\r\n\r\n" + image + b"\r\n--b\r\n"):
+                    again.recv(4096)
+                    again.sendall(answer)
+
+        thread = threading.Thread(target=serve, daemon=True)
+        thread.start()
+        url = f"http://127.0.0.1:{server.getsockname()[1]}/stream"
+        with open_source(url, patience_s=5) as source:
+            frame = source.read(10)
+            assert frame is not None and frame.image.shape == scene().shape
+        thread.join(10)

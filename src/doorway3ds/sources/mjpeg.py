@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Any
 from urllib.parse import unquote, urlsplit
 
 import requests
@@ -49,18 +50,24 @@ class MjpegCapture:
         bare = parts._replace(netloc=parts.netloc.rpartition("@")[2]).geturl()
         try:
             if parts.username is None:
-                return self._session.get(bare, stream=True, timeout=_TIMEOUT_S)
+                return self._get(bare)
             account = unquote(parts.username), unquote(parts.password or "")
-            answer = self._session.get(bare, auth=account, stream=True, timeout=_TIMEOUT_S)
+            answer = self._get(bare, account)
             asked = answer.headers.get("WWW-Authenticate", "")
             if answer.status_code != 401 or "digest" not in asked.lower():
                 return answer
             answer.close()
-            return self._session.get(
-                bare, auth=HTTPDigestAuth(*account), stream=True, timeout=_TIMEOUT_S
-            )
+            return self._get(bare, HTTPDigestAuth(*account))
         except (requests.RequestException, HTTPError, UnicodeError, ValueError) as error:
             raise UserError(_why(error, parts.hostname or "")) from error
+
+    def _get(self, url: str, auth: Any = None) -> requests.Response:
+        try:
+            return self._session.get(url, auth=auth, stream=True, timeout=_TIMEOUT_S)
+        except requests.ConnectionError:
+            # A server that ends the connection with its answer, such as a redirect, and does not
+            # say so: a further request on that connection may be too late to notice.
+            return self._session.get(url, auth=auth, stream=True, timeout=_TIMEOUT_S)
 
     def read(self) -> Shot | None:
         while not self._waiting:
