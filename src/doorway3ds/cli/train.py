@@ -63,6 +63,12 @@ def doornet(
         metavar="CARD",
     ),
     init: Path | None = setting(None, "Weights of an earlier run to start from.", metavar="FILE"),
+    unmarked: list[Path] | None = setting(
+        None, "Learn from unmarked photographs, too; repeatable.", metavar="FOLDER"
+    ),
+    labeller: str = setting(
+        "doornet", "Network that labels the unmarked photographs.", metavar="NETWORK"
+    ),
     seed: int | None = setting(None, "Seed, instead of the recipe's."),
     patience: int | None = setting(
         None,
@@ -101,6 +107,8 @@ def doornet(
             marks=marks,
             calibration=calibration,
             init=init,
+            unmarked=unmarked or (),
+            labeller=load(labeller) if unmarked else None,
             precision=precision,
         )
         card = training()

@@ -6,13 +6,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from doorway3ds.lab.train.doornet.losses import (  # noqa: E402
-    LossWeights,
-    all_losses,
-    columns_loss,
-    depth_loss,
-    edges_loss,
-)
+from doorway3ds.lab.train.doornet.losses import columns_loss, depth_loss, edges_loss  # noqa: E402
 
 pytestmark = pytest.mark.train
 
@@ -50,21 +44,3 @@ def test_missing_labels_cost_nothing() -> None:
     nothing = torch.zeros(1, 4, 4)
     plain, gradient = depth_loss(torch.ones(1, 4, 4), nothing, torch.tensor([1.0]))
     assert float(plain) == 0 and float(gradient) == 0
-
-
-def test_own_depth_has_its_share_of_depths_losses() -> None:
-    strips, maps = torch.zeros(1, 4), torch.ones(1, 4, 4)
-    output = dict.fromkeys(("score", "left", "right", "clear"), strips)
-    output |= {"p_open": torch.zeros(1), "floor": maps, "segments": torch.zeros(1, 6, 4, 4)}
-    output |= {"depth": 2 * maps, "depth_own": 8 * maps}
-    target = dict.fromkeys(("score_weight", "edge_weight", "clear_weight"), strips)
-    target |= dict.fromkeys(("score", "left", "right", "clear"), strips)
-    target |= {name: torch.zeros(1) for name in ("p_open", "p_open_weight", "segment_weight")}
-    target |= {"depth": maps, "depth_weight": torch.ones(1), "floor": maps, "segments": maps}
-
-    def depth(own: float) -> float:
-        return float(all_losses(output, target, LossWeights(own_depth=own))["depth"])
-
-    assert depth(0.0) == pytest.approx(math.log(2))
-    assert depth(1.0) == pytest.approx(math.log(8))
-    assert depth(0.5) == pytest.approx(math.log(4))

@@ -26,7 +26,7 @@ batch: 4
 steps_per_epoch: 3
 stages:
   - {epochs: 1, learning_rate: 0.001}
-  - {epochs: 1, learning_rate: 0.0003, thaw: [40, 27]}
+  - {epochs: 1, learning_rate: 0.0003, thaw: 40}
 network: {width_16: 8, width_8: 8, width_4: 8, width_columns: 8, attention_heads: 2, dropout: 0.1}
 costs: {missed: 2, false_near: 4, near_m: 0.01, far_m: 0.02}
 """
@@ -103,9 +103,7 @@ def test_encoders_run_alike_in_keras_and_in_onnx_runtime(teachers: Path) -> None
     from doorway3ds.lab.train.doornet.model import DoorNetConfig, build_doornet
 
     small = DoorNetConfig(8, 8, 8, 8, 2, 0.0)
-    net = build_doornet(
-        teachers / "deeplabv3_mnv2_ade20k_512.onnx", teachers / "fastdepth_nyu_224.onnx", small
-    )
+    net = build_doornet(teachers / "deeplabv3_mnv2_ade20k_512.onnx", small)
     image = np.random.default_rng(1).uniform(0, 255, (2, 3, 64, 96)).astype(np.float32)
     with torch.no_grad():
         expected = net.encoder(torch.from_numpy(image), training=False)
@@ -144,7 +142,7 @@ def test_what_was_learned_is_blended_with_what_it_began_with(
     assert train(rendered, teachers, recipe, second, "--init", str(init)) == 0
 
     found = Teachers.in_folder(teachers)
-    net = build_doornet(found.semantic, found.depth, read_recipe(recipe).network)
+    net = build_doornet(found.semantic, read_recipe(recipe).network)
 
     def weights(path: Path) -> list[np.ndarray]:
         load_weights(net, path)

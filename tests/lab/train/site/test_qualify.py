@@ -31,7 +31,6 @@ def network(teachers: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     keras.utils.set_random_seed(4)
     net = build_doornet(
         teachers / "deeplabv3_mnv2_ade20k_512.onnx",
-        teachers / "fastdepth_nyu_224.onnx",
         DoorNetConfig(16, 16, 16, 16, 2, 0.0),
     )
     folder = tmp_path_factory.mktemp("network")

@@ -1,10 +1,9 @@
-"""Encoders as Keras graphs, initialised from ONNX files whose batch norm is folded.
+"""The encoder as a Keras graph, initialised from an ONNX file whose batch norm is folded.
 
-Both networks are rebuilt from the file itself: channel counts come from the convolutions'
-shapes, so a pruned network (FastDepth) and a standard one (MobileNetV2) load the same way.
-Channels first throughout: the PyTorch back end then needs no transposes.
+Channel counts come from the shapes of the file's convolutions. Channels first throughout: the
+PyTorch back end then needs no transposes.
 
-Sources: Sandler et al., "MobileNetV2" (CVPR 2018); Wofk et al., "FastDepth" (ICRA 2019).
+Source: Sandler et al., "MobileNetV2" (CVPR 2018).
 """
 
 from __future__ import annotations
@@ -58,7 +57,7 @@ def read_convolutions(path: str | Path) -> list[FoldedConv]:
         bias = numpy_helper.to_array(weights[node.input[2]]).astype(np.float32)
         convolutions.append(FoldedConv(kernel, bias, groups))
     if not convolutions:
-        raise UserError(f"{path} holds no convolution; expected MobileNetV2, DeepLab or FastDepth")
+        raise UserError(f"{path} holds no convolution; expected MobileNetV2 or DeepLab on it")
     return convolutions
 
 
@@ -77,7 +76,6 @@ class _Builder:
         x: Tensor,
         *,
         stride: int = 1,
-        dilation: int = 1,
         pads: tuple[int, int, int, int] | None = None,
         activation: str | None = None,
     ) -> Tensor:
@@ -95,7 +93,7 @@ class _Builder:
             top, left, bottom, right = pads or (size // 2,) * 4
             if top or left or bottom or right:
                 x = layers.ZeroPadding2D(((top, bottom), (left, right)), name=f"{name}_pad")(x)
-        shared = {"padding": padding, "dilation_rate": dilation, "name": name}
+        shared = {"padding": padding, "name": name}
         if source.groups == 1:
             layer = layers.Conv2D(source.kernel.shape[0], size, stride, **shared)
         else:
@@ -115,10 +113,13 @@ _MOBILENET_V2 = ((1, 1), (2, 2), (3, 2), (4, 2), (3, 1), (3, 2), (1, 1))
 
 
 def mobilenet_v2(x: Tensor, source: Source, *, prefix: str = "sem") -> dict[str, Tensor]:
-    """MobileNetV2 to its 320 channels, last stage dilated instead of strided (as in DeepLab).
+    """MobileNetV2 to its 320 channels.
+
+    DeepLab dilates the last two stages instead of the stride that MobileNetV2 has there. Here they
+    stride: every fourth of DeepLab's answers, the same to the last bit, at a quarter of the work.
 
     x: (B, 3, h, w) in -1..1. Returns features by stride: "s4" (24 channels), "s8" (32), "s16" (96)
-    and "top" (320, stride 16).
+    and "s32" (320).
     """
     from keras import layers
 
@@ -129,56 +130,15 @@ def mobilenet_v2(x: Tensor, source: Source, *, prefix: str = "sem") -> dict[str,
     for stage, (repeats, first_stride) in enumerate(_MOBILENET_V2):
         for block in range(repeats):
             step = first_stride if block == 0 else 1
-            dilated = (stage == 5 and block > 0) or stage == 6
-            if stage == 5:
-                step = 1
             entry = x
             if stage > 0:
                 x = build.conv(x, activation="relu6")
             pads = (0, 0, 1, 1) if step == 2 else None
-            x = build.conv(
-                x, stride=step, dilation=2 if dilated else 1, pads=pads, activation="relu6"
-            )
+            x = build.conv(x, stride=step, pads=pads, activation="relu6")
             x = build.conv(x)
             if block > 0:
                 x = layers.Add()([entry, x])
             stride *= step
-        if stage in (1, 2, 4):
-            features[f"s{stride}"] = x
-    features["top"] = x
-    build.load()
-    return features
-
-
-def fastdepth(x: Tensor, source: Source, *, prefix: str = "fd") -> dict[str, Tensor]:
-    """FastDepth (MobileNet encoder, NNConv5 decoder with additive skips), any multiple of 32.
-
-    x: (B, 3, h, w) in 0..1. Returns decoder features by stride: "s16" (256 channels), "s8"
-    (120), "s4" (56), "s2" (16), and "depth" in metres at stride 2 (the published last step
-    doubles it by nearest neighbours before a 1x1 convolution: that changes only the size).
-    """
-    from keras import layers
-
-    build = _Builder(source, prefix)
-    strides = (1, 2, 1, 2, 1, 2, 1, 1, 1, 1, 1, 2, 1)
-    # the first convolution halves; each entry above is one depthwise separable block
-    x = build.conv(x, stride=2, activation="relu6")
-    skips: dict[int, Tensor] = {}
-    total = 2
-    for step in strides:
-        x = build.conv(x, stride=step, activation="relu6")
-        x = build.conv(x, activation="relu6")
-        total *= step
-        skips[total] = x  # the last block of a stride is the one that is added back
-    features: dict[str, Tensor] = {}
-    for stride in (32, 16, 8, 4, 2):
-        if stride in (8, 4, 2):
-            x = layers.Add()([x, skips[stride]])
-        x = build.conv(x, activation="relu")
-        x = build.conv(x, activation="relu")
         features[f"s{stride}"] = x
-        if stride > 2:
-            x = layers.UpSampling2D(2, interpolation="nearest")(x)
-    features["depth"] = build.conv(x, activation="relu")
     build.load()
     return features

@@ -16,9 +16,10 @@ from doorway3ds.lab.train.onnx import file as onnxfile
 OUTPUTS = ("p_open", "score", "left", "right", "clear", "depth", "floor")
 SHAPES = ((3, 192, 256), (3, 256, 192), (3, 160, 288))
 _AXES = {
-    "image": {2: "height", 3: "width"},
-    **{name: {1: "strips"} for name in ("score", "left", "right", "clear")},
-    **{name: {1: f"{name}_height", 2: f"{name}_width"} for name in ("depth", "floor")},
+    "image": {0: "batch", 2: "height", 3: "width"},
+    "p_open": {0: "batch"},
+    **{name: {0: "batch", 1: "strips"} for name in ("score", "left", "right", "clear")},
+    **{name: {0: "batch", 1: f"{name}_height", 2: f"{name}_width"} for name in ("depth", "floor")},
 }
 
 
@@ -78,6 +79,7 @@ class OnnxEncoder:
     """A Keras encoder as it is now, run by ONNX Runtime: (B, 3, h, w) to a list of features."""
 
     def __init__(self, encoder: Any) -> None:
+        import keras
         import onnxruntime
         import torch
 
@@ -87,7 +89,7 @@ class OnnxEncoder:
                 self.encoder = encoder
 
             def forward(self, image: Any) -> tuple[Any, ...]:
-                return tuple(self.encoder(image, training=False))
+                return tuple(keras.tree.flatten(self.encoder(image, training=False)))
 
         stream = io.BytesIO()
         names = [f"feature_{index}" for index in range(len(encoder.outputs))]

@@ -21,7 +21,7 @@ from doorway3ds.lab.train.engine.loop import LoopConfig, Row
 from doorway3ds.lab.train.engine.outcome import identity as digest_of
 from doorway3ds.lab.train.engine.training import Run
 
-_NONE = 99  # more convolutions than any encoder has
+_NONE = 99  # more convolutions than the encoder has
 _CLIP_NORM = 2.0
 LANDSCAPE, PORTRAIT, WIDE = (192, 256), (256, 192), (160, 288)
 
@@ -33,21 +33,21 @@ Encode = Callable[[Any], list[Any]] | None
 class Stage:
     """One stretch of training.
 
-    thaw: first convolution of each encoder that learns, by its number in the file
-    (semantic, depth); a number past the last keeps that encoder as it is.
+    thaw: first convolution of the encoder that learns, by its number in the file; a number past
+    the last keeps the encoder as it is.
     """
 
     epochs: int
     learning_rate: float
-    thaw: tuple[int, int] = (_NONE, _NONE)
+    thaw: int = _NONE
 
 
 @dataclass(frozen=True)
 class FitConfig:
     """What one training needs besides data.
 
-    encoder_rate: learning rate of the encoders as a share of the rest's; their batch norm is
-    folded, and at the full rate they forget what they have learnt of scenes.
+    encoder_rate: learning rate of the encoder as a share of the rest's; its batch norm is
+    folded, and at the full rate it forgets what it has learnt of scenes.
     patience: epochs without a better held-out loss after which a stage ends; 0: never.
     validate: at most about so many held-out pictures are looked at after each epoch; 0: all.
     """
@@ -267,8 +267,8 @@ def fit(
 def _thaw(net: DoorNet, stage: Stage) -> None:
     for layer in net.encoder.layers:
         prefix, _, rest = layer.name.partition("_")
-        if prefix in ("sem", "fd") and rest[:2].isdigit():
-            layer.trainable = int(rest[:2]) >= stage.thaw[prefix == "fd"]
+        if prefix == "sem" and rest[:2].isdigit():
+            layer.trainable = int(rest[:2]) >= stage.thaw
 
 
 def _slow(net: DoorNet, config: FitConfig) -> tuple[Sequence[Any], float]:

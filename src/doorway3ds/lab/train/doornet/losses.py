@@ -15,7 +15,7 @@ Tensor = Any
 
 @dataclass(frozen=True)
 class LossWeights:
-    """Share of each loss in the sum; own_depth: of the decoder's own guess in both of depth's."""
+    """Share of each loss in the sum."""
 
     p_open: float = 0.5
     score: float = 1.0
@@ -23,7 +23,6 @@ class LossWeights:
     clear: float = 0.3
     depth: float = 1.0
     gradient: float = 0.5
-    own_depth: float = 0.5
     floor: float = 0.5
     segments: float = 0.3
 
@@ -86,15 +85,7 @@ def all_losses(
     bce = functional.binary_cross_entropy_with_logits
     # a little smoothing: labels of open and closed are wrong in a few per cent
     p_open = bce(output["p_open"], target["p_open"] * 0.96 + 0.02, reduction="none")
-    own = weights.own_depth
-    plain, gradient = (
-        (1 - own) * given + own * guessed
-        for given, guessed in zip(
-            depth_loss(output["depth"], target["depth"], target["depth_weight"]),
-            depth_loss(output["depth_own"], target["depth"], target["depth_weight"]),
-            strict=True,
-        )
-    )
+    plain, gradient = depth_loss(output["depth"], target["depth"], target["depth_weight"])
     clear = bce(output["clear"], target["clear"] * 0.94 + 0.03, reduction="none")
     share = target["segment_weight"][:, None, None]
     floor_known = (target["floor"] != 255).float() * share

@@ -1,14 +1,12 @@
 """doornet: one forward pass gives p_open, opening columns, depth and floor.
 
-MobileNetV2 with scene-parsing weights sees the picture, a decoder joins its strides 16, 8 and
-4. Rows are then pooled by learned attention, so that the columns of the picture become a
+MobileNetV2 with scene-parsing weights sees the image, a decoder joins its strides 32, 16, 8 and
+4. Rows are then pooled by learned attention, so that the columns of the image become a
 sequence on which dilated convolutions find where an opening begins and ends (a one-dimensional
 FCOS: every column inside an opening votes for its edges; Tian et al., ICCV 2019).
 
-Depth is FastDepth's with a learned correction. FastDepth has seen the photographs that carry
-labels of doorways, and knows their depth better than that of any other room; so nothing else
-rests on its features, or openings would be learned from a depth that no new room ever shows.
-The decoder guesses depth of its own, too: only to learn the shape of rooms by it.
+Depth rests on the same decoder; it is learned from measured and rendered depth, and from what
+FastDepth says of photographs that have none.
 """
 
 from __future__ import annotations
@@ -17,15 +15,13 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from doorway3ds.lab.train.doornet.backbones import Source, Tensor, fastdepth, mobilenet_v2
+from doorway3ds.lab.train.doornet.backbones import Source, Tensor, mobilenet_v2
 
 # focal length in pixels of the network's input for which `depth` is metric; other cameras
 # scale it by their own (a lens that magnifies makes things look nearer)
 CANONICAL_F_PX = 214.0
-# FastDepth was trained at about this focal length (NYU, 640 px shrunk to 304 and cropped)
-FASTDEPTH_F_PX = 250.0
 
-_TYPICAL_M = 2.5  # what the decoder's own depth starts from
+_TYPICAL_M = 2.5  # what depth starts from
 
 SEGMENTS = ("other", "wall", "floor", "door", "window", "ceiling")
 
@@ -57,7 +53,6 @@ class DoorNet:
 
 def build_doornet(
     semantic_weights: Source,
-    depth_weights: Source,
     config: DoorNetConfig = DoorNetConfig(),
 ) -> DoorNet:
     """A Keras model from (B, 3, h, w) RGB 0..255, h and w multiples of 32.
@@ -66,16 +61,14 @@ def build_doornet(
     from a strip's centre to the opening's edges as fractions of the width; clear (B, N) logits
     that the way to the opening in this strip is free; depth
     (B, h/2, w/2) canonical metres; floor (B, h/4, w/4) logits; and for training only segments
-    (B, 6, h/4, w/4) logits and depth_own, the decoder's own guess. N = w / 4.
+    (B, 6, h/4, w/4) logits. N = w / 4.
     """
     import keras
     from keras import layers
 
     image = keras.Input((3, None, None), name="image")
     semantic = mobilenet_v2(layers.Rescaling(1 / 127.5, -1.0)(image), semantic_weights)
-    metric = fastdepth(layers.Rescaling(1 / 255.0)(image), depth_weights)
-    features = [semantic[key] for key in ("top", "s16", "s8", "s4")]
-    features += [metric[key] for key in ("s4", "depth")]
+    features = [semantic[key] for key in ("s32", "s16", "s8", "s4")]
     encoder = keras.Model(image, features, name="encoder")
     inputs = [keras.Input((f.shape[1], None, None)) for f in features]
     decoder = keras.Model(inputs, _decode(inputs, config), name="decoder")
@@ -83,22 +76,21 @@ def build_doornet(
     return DoorNet(whole, encoder, decoder)
 
 
-def split_at(net: DoorNet, thaw: tuple[int, int]) -> tuple[Any, Any]:
-    """(front, rest): what stays as it is while both encoders learn from convolutions `thaw` on.
+def split_at(net: DoorNet, thaw: int) -> tuple[Any, Any]:
+    """(front, rest): what stays as it is while the encoder learns from convolution `thaw` on.
 
     rest(front(image)) is the whole network, and layers are shared. A front may run in ONNX
-    Runtime, which is three times as fast on a CPU. None where there is no such cut: the depth
-    encoder learns, too, or the cut would fall inside a residual block.
+    Runtime, which is three times as fast on a CPU. None where there is no such cut: it would lie
+    before the first convolution or inside a residual block.
     """
     import keras
 
-    semantic, metric = thaw
     names = {layer.name for layer in net.encoder.layers}
-    if semantic == 0 or f"fd_{metric:02d}" in names:
+    if thaw == 0:
         return None, net.whole
-    if f"sem_{semantic:02d}" not in names:
+    if f"sem_{thaw:02d}" not in names:
         return net.encoder, net.decoder
-    cut = net.encoder.get_layer(f"sem_{semantic:02d}").input
+    cut = net.encoder.get_layer(f"sem_{thaw:02d}").input
     image, outputs = net.encoder.inputs[0], list(net.encoder.outputs)
     behind: list[int] = []
     for index, output in enumerate(outputs):
@@ -106,7 +98,7 @@ def split_at(net: DoorNet, thaw: tuple[int, int]) -> tuple[Any, Any]:
             keras.Model(cut, output)
             behind.append(index)
         except ValueError:
-            continue  # made before the cut, or by the other encoder
+            continue  # made before the cut
     if not behind:
         return None, net.whole
     before = [index for index in range(len(outputs)) if index not in behind]
@@ -160,14 +152,16 @@ def _decode(features: list[Tensor], config: DoorNetConfig) -> dict[str, Tensor]:
     import keras
     from keras import layers, ops
 
-    top, semantic_16, semantic_8, semantic_4, metric_4, metres = features
+    top, semantic_16, semantic_8, semantic_4 = features
 
     batch_norm = fused_batch_norm()
 
-    def conv(x: Tensor, filters: int, size: int | tuple[int, int] = 1, **options: Any) -> Tensor:
+    def linear(x: Tensor, filters: int, size: int | tuple[int, int] = 1, **options: Any) -> Tensor:
         x = layers.Conv2D(filters, size, padding="same", use_bias=False, **options)(x)
-        x = batch_norm(axis=1, momentum=0.9)(x)
-        return layers.Activation("relu")(x)
+        return batch_norm(axis=1, momentum=0.9)(x)
+
+    def conv(x: Tensor, filters: int, size: int | tuple[int, int] = 1, **options: Any) -> Tensor:
+        return layers.Activation("relu")(linear(x, filters, size, **options))
 
     def separable(x: Tensor, filters: int) -> Tensor:
         x = layers.DepthwiseConv2D(5, padding="same", use_bias=False)(x)
@@ -177,24 +171,24 @@ def _decode(features: list[Tensor], config: DoorNetConfig) -> dict[str, Tensor]:
     def up(x: Tensor) -> Tensor:
         return layers.UpSampling2D(2, interpolation="bilinear")(x)
 
+    def merged(coarse: Tensor, fine: Tensor, filters: int) -> Tensor:
+        # the convolution comes before the enlargement: the same answer, a quarter of the work
+        x = layers.Add()([up(linear(coarse, filters)), linear(fine, filters)])
+        return separable(layers.Activation("relu")(x), filters)
+
     join = layers.Concatenate(axis=1)
-    deep = conv(join([top, semantic_16]), config.width_16)
-    deep = separable(deep, config.width_16)
-    middle = conv(join([up(deep), semantic_8]), config.width_8)
-    middle = separable(middle, config.width_8)
-    fine = conv(join([up(middle), semantic_4]), config.width_4)
-    fine = separable(fine, config.width_4)
+    deep = merged(top, semantic_16, config.width_16)
+    middle = merged(deep, semantic_8, config.width_8)
+    fine = merged(middle, semantic_4, config.width_4)
 
     segments = layers.Conv2D(len(SEGMENTS), 1, name="segments")(fine)
     floor = layers.Conv2D(1, 1, name="floor_head")(fine)
-    own = layers.Conv2D(
-        1, 1, bias_initializer=keras.initializers.Constant(math.log(_TYPICAL_M)), name="own_head"
-    )(fine)
-    # the correction starts at zero: training begins at FastDepth's own answer
-    near = separable(join([fine, metric_4]), config.width_4)
-    correction = layers.Conv2D(1, 1, kernel_initializer="zeros", name="depth_head")(near)
-    depth_own = ops.exp(up(own))
-    depth = metres * (CANONICAL_F_PX / FASTDEPTH_F_PX) * ops.exp(up(correction))
+    # how far away everything is shows in the whole image, what is nearer than what in its parts
+    scale = layers.Dense(1, use_bias=False, name="scale_head")(ops.mean(deep, axis=(2, 3)))
+    start = keras.initializers.Constant(math.log(_TYPICAL_M))
+    near = separable(separable(fine, config.width_4), config.width_4)
+    shape = layers.Conv2D(1, 1, bias_initializer=start, name="depth_head")(near)
+    depth = ops.exp(up(shape) + scale[:, :, None, None])
 
     # columns: rows pooled by attention, one softmax a head, and by maximum
     heads = config.attention_heads
@@ -235,7 +229,6 @@ def _decode(features: list[Tensor], config: DoorNetConfig) -> dict[str, Tensor]:
         "right": right,
         "clear": clear,
         "depth": depth[:, 0],
-        "depth_own": depth_own[:, 0],
         "floor": floor[:, 0],
         "segments": segments,
     }

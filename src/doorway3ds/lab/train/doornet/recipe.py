@@ -106,8 +106,6 @@ def read_recipe(path: Path | None = None) -> Recipe:
     values = dict(values)
     stages = []
     for number, stage in enumerate(values.pop("stages")):
-        if isinstance(stage, Mapping) and "thaw" in stage:
-            stage = {**stage, "thaw": tuple(stage["thaw"])}
         stages.append(_build(Stage, stage, f"{name}, stage {number + 1}"))
     parts: dict[str, Any] = {
         "network": _build(DoorNetConfig, values.pop("network", {}), f"{name}, network"),

@@ -7,8 +7,8 @@ What the restored network gives is compared with what the file gives, so that no
 rounding may differ.
 
 Batch norm comes back as the mean, factor and offset that it amounts to in use: right for a
-network that keeps them, which one that learns from few pictures does anyway. The heads
-of `segments` and `depth_own` serve training alone, are not in the file, and come back untrained.
+network that keeps them, which one that learns from few pictures does anyway. The head
+of `segments` serves training alone, is not in the file, and comes back untrained.
 """
 
 from __future__ import annotations
@@ -35,8 +35,7 @@ Key = TypeVar("Key", str, int)
 # By the kind of an ONNX node: what a weight there is called in messages.
 _KINDS = {"Conv": "kernel", "MatMul": "kernel", "Sub": "mean", "Mul": "factor", "Add": "offset"}
 _DECODER = {"Conv2D", "DepthwiseConv2D", "Dense"}  # and batch norm
-_SEMANTIC_CONVS = 51  # of MobileNetV2 to its 320 channels
-_DEPTH_CONVS = 38  # of FastDepth
+_ENCODER_CONVS = 51  # of MobileNetV2 to its 320 channels
 
 
 class _Misfit(Exception):
@@ -174,18 +173,15 @@ class _Walk:
 def _build(steps: Sequence[_Step]) -> DoorNet:
     """The Keras network with the weights of `steps`."""
     roots = [index for index, step in enumerate(steps) if step.kind == "Conv" and step.first]
-    if len(roots) != 2:
-        raise _Misfit(f"{len(roots)} convolutions see the picture, those of 2 encoders should")
-    front, back = steps[: roots[1]], steps[roots[1] :]
-    semantic, decoder = _convolutions(front[roots[0] :], _SEMANTIC_CONVS)
+    if len(roots) != 1:
+        raise _Misfit(f"{len(roots)} convolutions see the image, one encoder's should")
     if roots[0] != 0:
-        raise _Misfit("something with weights comes before the first encoder")
-    depth, rest = _convolutions(back, _DEPTH_CONVS)
-    decoder = [*decoder, *rest]
+        raise _Misfit("something with weights comes before the encoder")
+    encoder, decoder = _convolutions(steps, _ENCODER_CONVS)
     try:
-        net = build_doornet(semantic, depth, _config(decoder))
+        net = build_doornet(encoder, _config(decoder))
     except (StopIteration, ValueError, IndexError) as error:
-        raise _Misfit(f"its encoders are not MobileNetV2 and FastDepth ({error})") from error
+        raise _Misfit(f"its encoder is not MobileNetV2 ({error})") from error
     _load(net, decoder)
     return net
 
@@ -206,10 +202,10 @@ def _convolutions(steps: Sequence[_Step], count: int) -> tuple[list[FoldedConv],
 def _config(decoder: Sequence[_Step]) -> DoorNetConfig:
     """Widths of the decoder, from the sizes of its first convolutions."""
     sizes = [step.values.shape[0] for step in decoder if step.kind == "Conv"]
-    if len(sizes) < 11:
+    if len(sizes) < 14:
         raise _Misfit(f"its decoder has {len(sizes)} convolutions")
-    # three a stride: joining, depthwise, pointwise; then attention, then the columns
-    return DoorNetConfig(sizes[0], sizes[3], sizes[6], sizes[10], sizes[9])
+    # four a stride: two that are joined, depthwise, pointwise; then attention, then the columns
+    return DoorNetConfig(sizes[0], sizes[4], sizes[8], sizes[13], sizes[12])
 
 
 def _load(net: DoorNet, steps: Sequence[_Step]) -> None:

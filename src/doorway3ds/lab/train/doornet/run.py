@@ -27,6 +27,7 @@ from doorway3ds.lab.train.doornet.data.samples import (
     read_samples,
 )
 from doorway3ds.lab.train.doornet.data.teachers import add_depth, add_segments, describe
+from doorway3ds.lab.train.doornet.data.unmarked import read_unmarked
 from doorway3ds.lab.train.doornet.export import Calibration, export_onnx
 from doorway3ds.lab.train.doornet.fit import collate, fit, plain_shape, save_weights
 from doorway3ds.lab.train.doornet.model import DoorNet, build_doornet
@@ -37,12 +38,14 @@ from doorway3ds.lab.train.engine.backend import wants_half
 from doorway3ds.lab.train.engine.calibrate import platt, relative_depth_error
 from doorway3ds.lab.train.engine.loop import Row
 from doorway3ds.lab.train.engine.training import Run, Training
+from doorway3ds.networks import registry
+from doorway3ds.networks.base import Network
+from doorway3ds.networks.mirrored import Mirrored
 from doorway3ds.networks.session import digest
 
 # what the network's file says of itself; the card beside it says the rest
 _SHOWN = ("name", "date", "depth_error", "held_out", "pictures", "thresholds", "presets", "costs")
-# FastDepth's relative error on rooms that it has not seen; those of NYU's training split it has
-_FASTDEPTH_ERROR = 0.16
+_DEPTH_ERROR = 0.2  # relative, if no held-out image has measured depth
 _SEEN_BY_CALIBRATION = (
     "Scores are of the held-out places. The calibration of p_open has been fitted on them, and "
     "early stopping, where asked for, looks at them: --report K keeps a further fold from both."
@@ -56,9 +59,9 @@ _SEEN_BY_NOTHING = (
 class Teachers:
     """ONNX files that training starts from and distils.
 
-    semantic: DeepLabv3+ on MobileNetV2 with ADE20K's 31 classes: first weights of the semantic
-    encoder, and pseudo-segments. depth: FastDepth: first weights of the depth encoder, and
-    pseudo-depth. places: MobileNetV2 on ImageNet: tells which photographs show one place.
+    semantic: DeepLabv3+ on MobileNetV2 with ADE20K's 31 classes: first weights of the encoder, and
+    pseudo-segments. depth: FastDepth: pseudo-depth. places: MobileNetV2 on ImageNet: tells which
+    photographs show one place.
     """
 
     semantic: Path
@@ -91,6 +94,13 @@ def read_all(folders: Sequence[Path], teachers: Teachers, recipe: Recipe) -> lis
                 for sample, place in zip(found, places, strict=True)
             ]
         samples += found
+    return with_pseudo_labels(samples, teachers, recipe)
+
+
+def with_pseudo_labels(
+    samples: list[Sample], teachers: Teachers, recipe: Recipe
+) -> list[Sample]:
+    """Samples with the teachers' depth and segments where they have none of their own."""
     samples = add_depth(samples, teachers.depth, recipe.pseudo.depth)
     return add_segments(samples, teachers.semantic, recipe.pseudo.segments)
 
@@ -166,6 +176,8 @@ class DoorNetTraining(Training):
     further fold that is kept from everything but the report. marks: closer marks for some of the
     pictures (see `read_marks`). calibration: the card of an earlier held-out run, for a training
     on everything. init: weights of an earlier run of the same recipe's network to start from.
+    unmarked: folders of photographs to learn from, too, by what `labeller` sees in them; it must
+    not have learned from the places held out.
     """
 
     name = "doornet"
@@ -182,6 +194,8 @@ class DoorNetTraining(Training):
         marks: Path | None = None,
         calibration: Path | None = None,
         init: Path | None = None,
+        unmarked: Sequence[Path] = (),
+        labeller: Network | None = None,
         precision: str = "auto",
     ) -> None:
         if recipe.fit.patience and hold_out is None:
@@ -199,6 +213,12 @@ class DoorNetTraining(Training):
             samples = apply_marks(samples, read_marks(marks))
         kept, self.held = split(samples, *hold_out, report) if hold_out else (samples, [])
         self.kept = kept + compose(kept, recipe.compose, recipe.fit.seed)
+        self.labelled_by: str | None = None
+        if unmarked:
+            network = Mirrored(labeller or registry.load("doornet"))
+            self.labelled_by = network.name
+            for folder in unmarked:
+                self.kept += with_pseudo_labels(read_unmarked(folder, network), teachers, recipe)
         self.unseen, self.about = self.held, _SEEN_BY_CALIBRATION
         if hold_out and report is not None:
             self.unseen, self.about = split(samples, report, hold_out[1])[1], _SEEN_BY_NOTHING
@@ -211,7 +231,7 @@ class DoorNetTraining(Training):
         if run.team.leads and self.held:
             write_held(run.out / "held-out.csv", self.held, self._halves)
         keras.utils.set_random_seed(recipe.fit.seed)
-        self.net = build_doornet(teachers.semantic, teachers.depth, recipe.network)
+        self.net = build_doornet(teachers.semantic, recipe.network)
         if init is not None:
             load_weights(self.net, init)
         first = [teachers.semantic, teachers.depth, *([init] if init else [])]
@@ -274,12 +294,13 @@ class DoorNetTraining(Training):
             else None,
             "held_out_places": sorted({s.place for s in self.held}),
             "marks": None if self.marks is None else digest(self.marks),
+            "labelled_by": self.labelled_by,
             "initialised_from": {
                 "semantic": digest(self.teachers.semantic),
                 "depth": digest(self.teachers.depth),
             },
             "calibration": asdict(found),
-            "depth_error": max(measured.get("depth_error", 0.0), _FASTDEPTH_ERROR),
+            "depth_error": measured.get("depth_error", _DEPTH_ERROR),
             "thresholds": measured.get("thresholds", {}),
             "presets": measured.get("presets", {}),
             "costs": asdict(self.recipe.costs),

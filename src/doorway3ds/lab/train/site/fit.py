@@ -38,7 +38,7 @@ _REPLAY = 0.4  # share of a batch that comes from other data sets
 _AUGMENT = AugmentConfig(whole=0.6, min_zoom=0.7, occluder=0.1)
 # what serves training alone is not in a file, and comes back untrained: nothing to learn by
 _UNTRAINED = ("segments", "own_head")
-_OPENINGS = LossWeights(p_open=1.0, depth=0.0, gradient=0.0, own_depth=0.0, floor=0.0, segments=0.0)
+_OPENINGS = LossWeights(p_open=1.0, depth=0.0, gradient=0.0, floor=0.0, segments=0.0)
 _ALL = replace(_OPENINGS, depth=1.0, gradient=0.5, floor=0.5)
 
 
@@ -162,7 +162,7 @@ def _freeze(net: DoorNet, stage: str) -> None:
     import keras
 
     decoder = net.decoder
-    others = [decoder.output[name] for name in ("depth", "depth_own", "floor", "segments")]
+    others = [decoder.output[name] for name in ("depth", "floor", "segments")]
     shared = {id(layer) for layer in keras.Model(decoder.inputs, others).layers}
     for layer in decoder.layers:
         learns = stage == DECODER or id(layer) not in shared

@@ -172,8 +172,11 @@ def lowered(sample: Sample, share: float) -> Sample:
     and rendered pictures, which have low views of their own, stay as they are.
     """
     rows, columns = sample.image.shape[:2]
-    level = horizon(sample) if sample.depth_m is not None and sample.segments is not None else 0.0
-    if columns < rows or "floor" in sample.extra or not 0.2 * rows < level < 0.8 * rows:
+    known = sample.depth_m is not None and sample.segments is not None
+    if columns < rows or "floor" in sample.extra or not known:
+        return sample
+    level = horizon(sample)
+    if not 0.2 * rows < level < 0.8 * rows:
         return sample
     stretch = (_TOP_M - _HELD_M * share) / (_TOP_M - _HELD_M)
     above, below = level * stretch, (rows - 1 - level) * share
@@ -229,6 +232,9 @@ def _columns(sample: Sample, spans: list[tuple[float, float]], width: int) -> di
         if b - a < 0.025 * width and share < 0.9:
             weight[strips > 0] = 0  # a sliver at the edge: nobody's fault either way
             continue
+        if span.unsure:
+            weight[strips > 0] = 0
+            continue
         seen = max(seen, share if b - a < 0.08 * width else 1.0)
         if span.loose:
             # box of frame and leaf: its middle is opening, its sides may be leaf
@@ -251,8 +257,10 @@ def _columns(sample: Sample, spans: list[tuple[float, float]], width: int) -> di
     if _unmarked(sample):
         seen, weight = 1.0, np.zeros(count, np.float32)
     certain = sample.open is not None and (sample.open == 0 or seen == 0 or seen > 0.4)
+    shows = sample.open == 1 and seen > 0.4
+    chance = sample.p_open if sample.p_open is not None and shows == (sample.open == 1) else shows
     return {
-        "p_open": float(sample.open == 1 and seen > 0.4),
+        "p_open": float(chance),
         "p_open_weight": sample.weight * certain,
         "score": score,
         "score_weight": weight,

@@ -42,13 +42,15 @@ class Span:
     """An opening at mid-height, in columns of the stored picture.
 
     loose: the marked box holds frame and leaf, so its edges are only rough.
-    clear: whether the way to it was marked free; None = not told.
+    clear: whether the way to it was marked free; None = not told. unsure: there may be an opening
+    here or not, so nothing is learned from these columns.
     """
 
     left: float
     right: float
     loose: bool = False
     clear: int | None = None
+    unsure: bool = False
 
 
 @dataclass(frozen=True)
@@ -57,9 +59,10 @@ class Sample:
 
     image: (H, W, 3) uint8 RGB. depth_m: (H, W) float32, nan unknown. segments: (H, W) uint8,
     255 unknown. camera: fx, fy, cx, cy in pixels of `image`. open: 1, 0, or None (half open);
-    1 without spans: an opening that nobody has marked. weight: of the opening labels;
-    depth_weight, segment_weight: of pseudo-labels. draws: how often training draws it, as against
-    others of its source. kinds: what a picture without an opening shows instead, if told.
+    1 without spans: an opening that nobody has marked. p_open: how likely it is, if not known for
+    certain. weight: of the opening labels; depth_weight, segment_weight: of pseudo-labels. draws:
+    how often training draws it, as against others of its source. kinds: what a picture without an
+    opening shows instead, if told.
     """
 
     name: str
@@ -71,6 +74,7 @@ class Sample:
     spans: tuple[Span, ...]
     depth_m: NDArray[Any] | None = None
     segments: NDArray[Any] | None = None
+    p_open: float | None = None
     weight: float = 1.0
     depth_weight: float = 1.0
     segment_weight: float = 1.0

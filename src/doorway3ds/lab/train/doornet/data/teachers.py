@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.lab.train.doornet.data.samples import UNKNOWN, Sample
-from doorway3ds.lab.train.doornet.model import FASTDEPTH_F_PX
 
+# FastDepth was trained at about this focal length (NYU, 640 px shrunk to 304 and cropped)
+_FASTDEPTH_F_PX = 250.0
 # ADE20K's 31-class list -> SEGMENTS
 _ADE20K_31 = {1: 1, 4: 2, 15: 3, 9: 4, 6: 5}
 
@@ -52,7 +53,7 @@ def add_depth(samples: list[Sample], fastdepth: Path, weight: float) -> list[Sam
             small = cv2.resize(window, (size, size), interpolation=cv2.INTER_AREA)
             tensor = small.transpose(2, 0, 1)[None].astype(np.float32) / 255
             depth = session.run(None, {name: tensor})[0][0, 0]
-            depth *= sample.camera[0] * size / side / FASTDEPTH_F_PX
+            depth *= sample.camera[0] * size / side / _FASTDEPTH_F_PX
             total[y : y + side, x : x + side] += cv2.resize(depth, (side, side))
             count[y : y + side, x : x + side] += 1
         return replace(sample, depth_m=total / count, depth_weight=weight)
