@@ -87,6 +87,7 @@ def doornet(
     from doorway3ds.lab.datasets.samples import parse_split
     from doorway3ds.lab.train.doornet.recipe import read_recipe
     from doorway3ds.lab.train.doornet.run import DoorNetTraining, Teachers
+    from doorway3ds.networks.registry import load
 
     fold = parse_split(hold_out) if hold_out else None
     if report is not None and (fold is None or not 1 <= report <= fold[1] or report - 1 == fold[0]):

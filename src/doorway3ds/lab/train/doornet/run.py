@@ -97,9 +97,7 @@ def read_all(folders: Sequence[Path], teachers: Teachers, recipe: Recipe) -> lis
     return with_pseudo_labels(samples, teachers, recipe)
 
 
-def with_pseudo_labels(
-    samples: list[Sample], teachers: Teachers, recipe: Recipe
-) -> list[Sample]:
+def with_pseudo_labels(samples: list[Sample], teachers: Teachers, recipe: Recipe) -> list[Sample]:
     """Samples with the teachers' depth and segments where they have none of their own."""
     samples = add_depth(samples, teachers.depth, recipe.pseudo.depth)
     return add_segments(samples, teachers.semantic, recipe.pseudo.segments)
