@@ -16,9 +16,12 @@ import pytest
 import doorway3ds as d3
 from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.networks import load
+from doorway3ds.networks.doornet import DoorNet
+from doorway3ds.networks.registry import MODELS
 from tests.factories import doornet, encode, scene
 
 ROOT = Path(__file__).resolve().parent.parent
+EXAMPLES = sorted((ROOT / "examples").glob("*.jpg"))
 NAMES = [
     "Camera",
     "Decision",
@@ -137,6 +140,38 @@ def test_each_decides_in_order_and_goes_on_after_an_error(decide: Pipeline) -> N
         except StopIteration:
             break
     assert widths == [64, 80, 96, 112, None, 144, 200, 176, 192]
+
+
+class Batched(DoorNet):
+    """The packaged network as a GPU would run it, here on the CPU."""
+
+    batch = 4  # type: ignore[assignment]
+
+
+def test_a_batch_is_answered_as_one_by_one() -> None:
+    images: list[Any] = [*EXAMPLES, b"no image", scene(120, 160), scene(160, 120), EXAMPLES[0]]
+    path = MODELS["doornet"].path
+    one, many = DoorNet(path), Batched(path)
+    assert one.batch == 1 and one.session.takes_many
+
+    def said(network: DoorNet) -> list[Any]:
+        answers, found = Pipeline(network).each(images), []
+        for _ in images:
+            try:
+                found.append(next(answers))
+            except d3.UserError as error:
+                found.append(str(error))
+        return found
+
+    for single, batched in zip(said(one), said(many), strict=True):
+        if isinstance(single, str):
+            assert batched == single
+            continue
+        assert (batched.reason, batched.frame.camera) == (single.reason, single.frame.camera)
+        assert batched.p_open == pytest.approx(single.p_open, abs=1e-4)
+        assert batched.perception.depth_m == pytest.approx(single.perception.depth_m, rel=1e-3)
+        if single.turn_deg is not None:
+            assert batched.turn_deg == pytest.approx(single.turn_deg, abs=0.01)
 
 
 def test_images_of_opencv_become_rgb() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from doorway3ds.decide.paper import select_paper
 from doorway3ds.decide.scene.metres import in_metres
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.images.codec import Picture, read_image
+from doorway3ds.networks.adapter import OnnxNetwork
 from doorway3ds.networks.base import Joined, Network, presets_of, thresholds_of
 from doorway3ds.networks.limits import override
 from doorway3ds.networks.mirrored import Mirrored
@@ -31,6 +32,12 @@ NEEDS: Mapping[str, tuple[str, ...]] = {
     Method.OPENING: ("p_open", "columns"),
     Method.PAPER: ("p_open", "depth"),
 }
+
+
+Given = Frame | NDArray[np.uint8] | str | os.PathLike[str] | bytes
+"""An image as a pipeline takes it."""
+
+_UNANSWERED = UserError("the image was not answered")
 
 
 @dataclass(frozen=True)
@@ -97,7 +104,7 @@ class Pipeline:
 
     def __call__(
         self,
-        image: Frame | NDArray[np.uint8] | str | os.PathLike[str] | bytes,
+        image: Given,
         camera: Camera | None = None,
         pose: Pose | None = None,
     ) -> Decision:
@@ -116,21 +123,27 @@ class Pipeline:
         Raises:
             UserError: if the image cannot be read, or the camera has another aspect.
         """
-        if isinstance(image, Frame):
-            return self.decide(image)
-        start = time.perf_counter()
-        timings: dict[str, float] = {}
-        if isinstance(image, np.ndarray):
-            picture = Picture(image)
-        else:
-            picture = read_image(image)
-            timings["decode"] = (time.perf_counter() - start) * 1e3
-        decision = self.decide(View(camera, pose).of_picture(picture))
+        frame, timings = self._opened(image, camera, pose)
+        decision = self.decide(frame)
         return replace(decision, timings_ms={**timings, **decision.timings_ms})
+
+    def _opened(
+        self, image: Given, camera: Camera | None, pose: Pose | None
+    ) -> tuple[Frame, dict[str, float]]:
+        """The frame of an image as a call takes it, and the milliseconds that decoding it took."""
+        if isinstance(image, Frame):
+            return image, {}
+        view = View(camera, pose)
+        if isinstance(image, np.ndarray):
+            return view.of_picture(Picture(image)), {}
+        start = time.perf_counter()
+        picture = read_image(image)
+        spent = (time.perf_counter() - start) * 1e3
+        return view.of_picture(picture), {"decode": spent}
 
     def each(
         self,
-        images: Iterable[Frame | NDArray[np.uint8] | str | os.PathLike[str] | bytes],
+        images: Iterable[Given],
         camera: Camera | None = None,
         pose: Pose | None = None,
         *,
@@ -147,7 +160,8 @@ class Pipeline:
             images: as a call takes them; taken a little ahead of the answers, however many.
             camera: of all of them, as in a call.
             pose: likewise.
-            workers: images at work at a time.
+            workers: batches at work at a time; a batch is one image on a CPU, where more only wait
+                for each other, and more on a GPU if the network's file takes them.
 
         Returns:
             An iterator of decisions.
@@ -155,7 +169,36 @@ class Pipeline:
         Raises:
             UserError: in its turn, for an image that cannot be read; the iteration can go on.
         """
-        return Each(lambda image: self(image, camera, pose), images, workers)
+        batch: int = getattr(self.network, "batch", 1)
+        return Each(lambda some: self._several(some, camera, pose), images, workers, batch)
+
+    def _several(
+        self, images: Sequence[Given], camera: Camera | None, pose: Pose | None
+    ) -> list[Decision | Exception]:
+        """For each image its decision or exception; the network sees all of them in one run."""
+        answers: list[Decision | Exception] = []
+        opened: list[tuple[int, Frame, dict[str, float]]] = []
+        for image in images:
+            try:
+                opened.append((len(answers), *self._opened(image, camera, pose)))
+                answers.append(_UNANSWERED)
+            except Exception as error:  # whatever the image's source raises is raised in its turn
+                answers.append(error)
+        try:
+            seen = self._seen([frame for _, frame, _ in opened])
+            for (index, frame, spent), perception in zip(opened, seen, strict=True):
+                decision = self.conclude(frame, in_metres(perception, frame))
+                timings = {**spent, **decision.timings_ms}
+                answers[index] = replace(decision, timings_ms=timings)
+        except UserError as error:
+            answers = [error if answer is _UNANSWERED else answer for answer in answers]
+        return answers
+
+    def _seen(self, frames: Sequence[Frame]) -> list[Perception]:
+        pictures = [(frame.image, frame.camera) for frame in frames]
+        if len(pictures) > 1 and isinstance(self.network, OnnxNetwork):
+            return self.network.together(pictures)
+        return [self.network(image, camera) for image, camera in pictures]
 
     def decide(self, frame: Frame, expected_deg: float | None = None) -> Decision:
         """The decision for one frame, with what each stage took in milliseconds.

@@ -106,6 +106,16 @@ class Session:
             f"got input {found} and {_names(gives)}"
         )
 
+    @property
+    def takes_many(self) -> bool:
+        """Whether the file leaves open how many images come at once."""
+        return not isinstance(self._session.get_inputs()[0].shape[0], int)
+
+    @property
+    def on_cpu(self) -> bool:
+        """Whether the session runs on the CPU, whatever was asked for."""
+        return bool(self._session.get_providers()[0] == "CPUExecutionProvider")
+
     def run(self, image: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:
         """The outputs by name for one image of this session's layout.
 
