@@ -1,6 +1,6 @@
 """Fine-tuning of a doornet on few pictures: the openings' heads, then the whole decoder.
 
-Both encoders and all statistics of batch norm stay as they are. The heads do not touch depth
+The encoder and all statistics of batch norm stay as they are. The heads do not touch depth
 and floor at all; when the decoder learns, too, it is held to the depth and floor that the
 network gave before (Li & Hoiem, "Learning without Forgetting", 2016). Of the network before,
 after the first and after the second stage that one is kept whose openings fit best to places
@@ -158,7 +158,7 @@ def _config(learn: Sequence[Sample], rate: float, options: TuneOptions) -> FitCo
 
 
 def _freeze(net: DoorNet, stage: str) -> None:
-    """Lets only the layers of `stage` learn; `fit` keeps the encoders as they are."""
+    """Lets only the layers of `stage` learn; `fit` keeps the encoder as it is."""
     import keras
 
     decoder = net.decoder
