@@ -19,7 +19,8 @@ import numpy as np
 
 from doorway3ds.lab.datasets.readers import read_dataset
 from doorway3ds.lab.evaluate.direction import judge
-from doorway3ds.lab.evaluate.runners import match_answers, read_answers
+from doorway3ds.lab.evaluate.runners import match_answers
+from doorway3ds.lab.evaluate.stored import read_answers
 
 EDGES_M = (0.0, 1.5, 2.5, 3.5, 5.0, 12.0)
 

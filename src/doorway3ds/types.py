@@ -20,9 +20,10 @@ from doorway3ds.compat import StrEnum
 
 FloatArray = NDArray[np.floating[Any]]
 
-# A doorway's distance is off by more than the depth of the pixels round it: it takes the right
-# jamb or the floor's edge, too. Both measured with benchmarks/range_error.py, see docs/results.md.
-RANGE_PER_DEPTH_ERROR = 1.8
+# A doorway's distance is off by more than the depth of the pixels round it: by the image's scale,
+# and by taking the wrong jamb or floor's edge, too. Both measured with benchmarks/range_error.py,
+# see docs/results/distances.md.
+RANGE_PER_DEPTH_ERROR = 1.7
 
 
 class Reason(StrEnum):
@@ -128,7 +129,8 @@ class Perception:
     depth_m: (h, w) float32 metres along the optical axis, covering the whole image at any
         size; nan = unknown. None if the network gives none.
     floor: (h, w) float32 probability of floor, covering the whole image, or None.
-    depth_error: relative standard deviation of depth_m; 0 for true depth.
+    depth_error: relative standard deviation of depth_m within an image, whose scale as a whole may
+        be off by more; 0 for true depth.
     bearing_error_deg: by how much a doorway's bearing by these columns is off, as measured on
         pictures that the network had not seen (68th percentile); None = not measured.
     relative: instead of depth_m where the network knows no metres; `relative.in_metres` does.

@@ -34,9 +34,12 @@ def test_platt_leaves_few_labels_alone() -> None:
     assert platt(np.ones(12), np.r_[np.ones(3), np.zeros(9)]) == (1.0, 0.0)
 
 
-def test_relative_depth_error_of_gaussian_error() -> None:
+def test_relative_depth_error_is_of_what_an_image_s_scale_leaves() -> None:
     rng = np.random.default_rng(1)
-    true = rng.uniform(1, 5, 50_000)
-    assert relative_depth_error(true * np.exp(rng.normal(0, 0.15, 50_000)), true) == pytest.approx(
-        0.15, rel=0.02
-    )
+    true = [rng.uniform(1, 5, 20_000) for _ in range(3)]
+    scales = (0.7, 1.0, 1.6)
+    guessed = [
+        t * s * np.exp(rng.normal(0, 0.15, t.size)) for t, s in zip(true, scales, strict=True)
+    ]
+    guessed[1][:500], true[2][:500] = np.nan, 0  # unknown
+    assert relative_depth_error(guessed, true) == pytest.approx(0.15, rel=0.02)

@@ -161,8 +161,7 @@ def calibrate(answers: Sequence[dict[str, Any]]) -> tuple[Calibration, dict[str,
     errors = {}
     if measured:
         errors["depth_error"] = relative_depth_error(
-            np.concatenate([a["depth"].ravel() for a in measured]),
-            np.concatenate([a["target"].depth.ravel() for a in measured]),
+            [a["depth"] for a in measured], [a["target"].depth for a in measured]
         )
     return Calibration(*p_open, *score), errors
 

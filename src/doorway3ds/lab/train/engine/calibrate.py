@@ -6,6 +6,7 @@ method with his smoothed targets, so that a separable set gives finite scales.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -50,8 +51,15 @@ def platt(
     return (*(float(max(scale, 0.0)) for scale in found[:-1]), float(found[-1]))
 
 
-def relative_depth_error(predicted: Array, true: Array) -> float:
-    """Robust relative standard deviation of depth: 1.4826 x the median of |log ratio|."""
-    known = (true > 0) & (predicted > 0) & np.isfinite(true) & np.isfinite(predicted)
-    ratio = np.log(predicted[known] / true[known])
-    return float(1.4826 * np.median(np.abs(ratio)))
+def relative_depth_error(predicted: Sequence[Array], true: Sequence[Array]) -> float:
+    """Robust relative standard deviation of depth within an image: 1.4826 x median |log ratio|.
+
+    predicted, true: depth maps of several images, each pair of one shape, 0 and nan unknown. The
+    scale of a whole image, which no single one tells exactly, is taken out by its median ratio.
+    """
+    ratios = []
+    for guess, truth in zip(predicted, true, strict=True):
+        known = (truth > 0) & (guess > 0) & np.isfinite(truth) & np.isfinite(guess)
+        ratio = np.log(guess[known] / truth[known])
+        ratios.append(ratio - np.median(ratio) if ratio.size else ratio)
+    return float(1.4826 * np.median(np.abs(np.concatenate(ratios))))
