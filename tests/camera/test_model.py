@@ -186,7 +186,7 @@ def test_camera_info_needs_no_projection_matrix(tmp_path):
         ({"image_width": 0}, "0x480"),
         ({"camera_matrix": {"data": [1, 2, 3]}}, "9 numbers"),
         ({"camera_matrix": {"data": [0] * 9}}, "not been calibrated"),
-        ({"camera_matrix": {"data": [math.nan] * 9}}, "is fx 0 cx"),
+        ({"camera_matrix": {"data": [math.nan] * 9}}, "must be fx 0 cx"),
         ({"camera_matrix": 5}, "number"),
         ({"distortion_model": "equidistant"}, "4 coefficients, got 5"),
         ({"distortion_model": "spline"}, "one of plumb_bob, rational_polynomial, equidistant"),
