@@ -46,7 +46,7 @@ def test_cnn_srin_from_two_folders_to_look(cli: Cli, tmp_path: Path) -> None:
     call += ("--threads", 1, "--validation", 0.3, "--licence", "CC0-1.0")
     ran = cli(*call, "--epochs", 2, "--copies", 1, "--fine-tune", 1)
     assert ran.status == 0, ran.err
-    assert "8 pictures, 8 groups by near-duplicates" in ran.err and "left out: 1" in ran.err
+    assert "8 images, 8 groups by near-duplicates" in ran.err and "left out: 1" in ran.err
     assert "near-copies across the split: 0" in ran.out
     card = json.loads(Path("run/cnn-srin.json").read_text())
     assert card["parity"] <= 1e-3
