@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import sys
 from collections.abc import Iterator
@@ -15,7 +14,7 @@ import typer
 
 from doorway3ds.camera.options import LensOptions
 from doorway3ds.cli.shared.options import expand
-from doorway3ds.cli.shared.output import complain
+from doorway3ds.cli.shared.output import complain, quiet_decoders
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.options import Options, setting
 
@@ -192,16 +191,12 @@ def _is_source(name: str) -> bool:
 
 def _guided(uri: str, board: Board, name: str, model: str | None) -> Calibration:
     """Takes frames of a source until they suffice, it ends, or Ctrl-C."""
-    import cv2
-
     from doorway3ds.camera.calibration import MIN_PICTURES, calibrate_views
     from doorway3ds.camera.choice import default_camera
     from doorway3ds.camera.guide import Guide
     from doorway3ds.sources import SourceLost, open_source
 
-    # OpenCV and libav write warnings of their own for every hiccup of a camera or stream.
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    quiet_decoders()
     made: list[Camera] = []
 
     def sensor(width: int, height: int, focal_35mm: float | None) -> Camera:

@@ -11,6 +11,7 @@ import typer
 from doorway3ds.camera.options import LensOptions
 from doorway3ds.cli.shared.listening import ListenOptions
 from doorway3ds.cli.shared.options import expand
+from doorway3ds.cli.shared.output import quiet_decoders
 from doorway3ds.decide.options import DecideOptions, NetworkOptions
 from doorway3ds.options import setting
 
@@ -66,12 +67,10 @@ def label(
     for name in pictures.left_out:
         typer.echo(f"left out: {name!r}, a name that a CSV file cannot hold", err=True)
 
-    import cv2
-
     from doorway3ds.draw.words import counted
     from doorway3ds.web.label.app import create_label_app, label_settings
 
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    quiet_decoders()
     listening = listen.open()
     with listening.bound:
         settings = label_settings(listening.token, listening.shared)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -16,7 +15,7 @@ import typer
 
 from doorway3ds.camera.options import CameraOptions
 from doorway3ds.cli.shared.options import expand
-from doorway3ds.cli.shared.output import complain, say
+from doorway3ds.cli.shared.output import complain, quiet_decoders, say
 from doorway3ds.cli.shared.robot import (
     ROBOT_HELP,
     RunFolder,
@@ -95,17 +94,13 @@ def live(
     pace = reading.pace
     if pace is None:
         pace = panelled and not any((out, log, bag, rerun))
-    # libav writes warnings of its own for every hiccup of a stream.
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
-
-    import cv2
+    quiet_decoders()
 
     from doorway3ds.camera.choice import choose_camera
     from doorway3ds.live.lens import LensWatch
     from doorway3ds.live.session import Session
     from doorway3ds.robots.loop import LoopParams
 
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     with ExitStack() as stack:
         stack.enter_context(ended_by_sigterm())
         read_as = asdict(replace(reading, pace=pace))

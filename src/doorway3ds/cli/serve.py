@@ -9,6 +9,7 @@ import typer
 from doorway3ds.camera.options import CameraOptions
 from doorway3ds.cli.shared.listening import ListenOptions
 from doorway3ds.cli.shared.options import expand
+from doorway3ds.cli.shared.output import quiet_decoders
 from doorway3ds.cli.shared.robot import open_eyes
 from doorway3ds.decide.options import DecideOptions
 from doorway3ds.options import setting
@@ -51,13 +52,11 @@ def serve(
     choice = choose_camera(camera)
     listening = listen.open()
 
-    import cv2
-
     from doorway3ds.web.base.access import Limits
     from doorway3ds.web.serve.app import create_app
     from doorway3ds.web.serve.settings import Settings
 
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    quiet_decoders()
     settings = Settings(
         token=listening.token,
         decide=decide,

@@ -81,3 +81,12 @@ def guarded_output() -> Iterator[None]:
 
 def _lost(error: OSError) -> OutputLost:
     return OutputLost(f"cannot write to standard output: {error.strerror or error}")
+
+
+def quiet_decoders() -> None:
+    """Keeps OpenCV and libav from writing warnings of their own for every hiccup of a stream."""
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+
+    import cv2
+
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
