@@ -119,7 +119,7 @@ def select_opening(
     passing_deg = _passing_bearing(best, params)
     way: Clearance | None = None
     if scene is not None:
-        vote = _vote(perception.columns, best, frame.camera.width)
+        vote = way_vote(perception.columns, best.left_px, best.right_px, frame.camera.width)
         way = sweep(scene, frame.camera, passing_deg, best.range_m, params.clearance, vote)
     unsure, look = _doubt(best, passing_deg, params)
     return Selection(
@@ -150,14 +150,14 @@ def way_below(
     return look_down(scene, frame.camera, bearing_deg, range_m, params.clearance).clear
 
 
-def _vote(votes: ColumnVotes, best: Opening, width: int) -> float | None:
+def way_vote(votes: ColumnVotes, left_px: float, right_px: float, width: int) -> float | None:
     """The network's own probability that the way to an opening is free: its strips' mean."""
     if votes.clear is None:
         return None
     centre = (np.arange(votes.score.size) + 0.5) * width / votes.score.size - 0.5
-    weight = np.where((centre >= best.left_px) & (centre <= best.right_px), votes.score, 0.0)
+    weight = np.where((centre >= left_px) & (centre <= right_px), votes.score, 0.0)
     if not weight.any():  # narrower than a strip
-        nearest = np.abs(centre - (best.left_px + best.right_px) / 2).argmin()
+        nearest = np.abs(centre - (left_px + right_px) / 2).argmin()
         weight = np.where(np.arange(centre.size) == nearest, 1.0, 0.0)
     return float(weight @ votes.clear / weight.sum())
 

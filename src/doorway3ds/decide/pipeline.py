@@ -37,8 +37,6 @@ NEEDS: Mapping[str, tuple[str, ...]] = {
 Given = Frame | NDArray[np.uint8] | str | os.PathLike[str] | bytes
 """An image as a pipeline takes it."""
 
-_UNANSWERED = UserError("the image was not answered")
-
 
 @dataclass(frozen=True)
 class Pipeline:
@@ -169,21 +167,20 @@ class Pipeline:
         Raises:
             UserError: in its turn, for an image that cannot be read; the iteration can go on.
         """
-        batch: int = getattr(self.network, "batch", 1)
+        batch = self.network.batch if isinstance(self.network, OnnxNetwork) else 1
         return Each(lambda some: self._several(some, camera, pose), images, workers, batch)
 
     def _several(
         self, images: Sequence[Given], camera: Camera | None, pose: Pose | None
     ) -> list[Decision | Exception]:
         """For each image its decision or exception; the network sees all of them in one run."""
-        answers: list[Decision | Exception] = []
+        answers: dict[int, Decision | Exception] = {}
         opened: list[tuple[int, Frame, dict[str, float]]] = []
-        for image in images:
+        for index, image in enumerate(images):
             try:
-                opened.append((len(answers), *self._opened(image, camera, pose)))
-                answers.append(_UNANSWERED)
+                opened.append((index, *self._opened(image, camera, pose)))
             except Exception as error:  # whatever the image's source raises is raised in its turn
-                answers.append(error)
+                answers[index] = error
         try:
             seen = self._seen([frame for _, frame, _ in opened])
             for (index, frame, spent), perception in zip(opened, seen, strict=True):
@@ -191,12 +188,12 @@ class Pipeline:
                 timings = {**spent, **decision.timings_ms}
                 answers[index] = replace(decision, timings_ms=timings)
         except UserError as error:
-            answers = [error if answer is _UNANSWERED else answer for answer in answers]
-        return answers
+            answers = dict.fromkeys(range(len(images)), error) | answers
+        return [answers[index] for index in range(len(images))]
 
     def _seen(self, frames: Sequence[Frame]) -> list[Perception]:
         pictures = [(frame.image, frame.camera) for frame in frames]
-        if len(pictures) > 1 and isinstance(self.network, OnnxNetwork):
+        if pictures and isinstance(self.network, OnnxNetwork):
             return self.network.together(pictures)
         return [self.network(image, camera) for image, camera in pictures]
 

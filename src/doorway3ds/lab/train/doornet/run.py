@@ -291,10 +291,11 @@ class DoorNetTraining(Training):
             else None,
             "held_out_places": sorted({s.place for s in self.held}),
             "marks": None if self.marks is None else digest(self.marks),
-            "labelled_by": self.labelled_by,
-            "initialised_from": {
-                "semantic": digest(self.teachers.semantic),
+            "initialised_from": {"semantic": digest(self.teachers.semantic)},
+            "labelled_by": {
                 "depth": digest(self.teachers.depth),
+                "segments": digest(self.teachers.semantic),
+                "unmarked": self.labelled_by,
             },
             "calibration": asdict(found),
             "depth_error": measured.get("depth_error", _DEPTH_ERROR),

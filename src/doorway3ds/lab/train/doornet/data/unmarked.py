@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from doorway3ds.camera.choice import default_camera
-from doorway3ds.decide.opening import decode_columns
+from doorway3ds.decide.opening import decode_columns, way_vote
 from doorway3ds.errors import UserError
 from doorway3ds.images.codec import read_image
 from doorway3ds.images.folder import images_in
@@ -90,11 +90,7 @@ def _labelled(image: Any, network: Network, name: str, folder: Path) -> Sample |
 
 
 def _clear(votes: ColumnVotes, left: float, right: float, width: int) -> int | None:
-    if votes.clear is None:
+    chance = way_vote(votes, left, right, width)
+    if chance is None or _BLOCKED < chance < _FREE:
         return None
-    centre = (np.arange(votes.clear.size) + 0.5) * width / votes.clear.size - 0.5
-    inside = (centre >= left) & (centre <= right)
-    if not inside.any():
-        return None
-    chance = float(np.average(votes.clear[inside], weights=votes.score[inside] + 1e-6))
-    return 1 if chance >= _FREE else 0 if chance <= _BLOCKED else None
+    return int(chance >= _FREE)
