@@ -8,13 +8,16 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
-from doorway3ds.lab.sim.robot.nao.service import Service
+from doorway3ds.lab.sim.robot.nao.service import Quiet, Service
 
 if TYPE_CHECKING:
     from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
 
 
-class AutonomousLife(Service):
+class AutonomousLife(
+    Service,
+    quiet=Quiet({"RobotOffsetFromFloor": 0.0, "SafeguardEnabled": True}),
+):
     """ALAutonomousLife: disabled when the robot starts."""
 
     _STATES = ("solitary", "interactive", "disabled", "safeguard")
@@ -25,19 +28,15 @@ class AutonomousLife(Service):
 
     def __init__(self, nao: VirtualNao) -> None:
         super().__init__(nao)
-        self._state, self._focus, self._offset_m = "disabled", "", 0.0
+        self._state, self._focus = "disabled", ""
         self._abilities = dict.fromkeys(self._ABILITIES, True)
-        self._safeguards: dict[str, bool] = {}
         self._history: list[tuple[str, int]] = [("disabled", int(time.time()))]
 
     def getState(self) -> str:
         return self._state
 
     def setState(self, state: str) -> None:
-        if state not in self._STATES:
-            raise RuntimeError(
-                f"ALAutonomousLife::setState expected {', '.join(self._STATES)}, got {state}"
-            )
+        self._one("setState", state, self._STATES)
         if (self._state, state) == ("interactive", "solitary"):
             raise RuntimeError("ALAutonomousLife::setState cannot go from interactive to solitary")
         if state in ("disabled", "safeguard"):
@@ -68,11 +67,7 @@ class AutonomousLife(Service):
         return self._abilities.get(ability, False)
 
     def setAutonomousAbilityEnabled(self, ability: str, enabled: bool) -> None:
-        if ability != "All" and ability not in self._abilities:
-            raise RuntimeError(
-                f"ALAutonomousLife::setAutonomousAbilityEnabled expected All or "
-                f"{', '.join(self._ABILITIES)}, got {ability}"
-            )
+        self._one("setAutonomousAbilityEnabled", ability, ("All", *self._ABILITIES))
         for name in self._abilities if ability == "All" else (ability,):
             self._abilities[name] = bool(enabled)
 
@@ -80,18 +75,6 @@ class AutonomousLife(Service):
         """[[name, enabled, running], ...]."""
         alive = self._state != "disabled"
         return [[name, on, on and alive] for name, on in self._abilities.items()]
-
-    def setRobotOffsetFromFloor(self, metres: float) -> None:
-        self._offset_m = float(metres)
-
-    def getRobotOffsetFromFloor(self) -> float:
-        return self._offset_m
-
-    def setSafeguardEnabled(self, name: str, enabled: bool) -> None:
-        self._safeguards[name] = bool(enabled)
-
-    def isSafeguardEnabled(self, name: str) -> bool:
-        return self._safeguards.get(name, True)
 
     def getLifeTime(self) -> int:
         return int(time.time()) - self._history[0][1]
@@ -123,19 +106,25 @@ _AWARENESS: dict[str, Any] = {
 }
 
 
-class BasicAwareness(Service):
+class BasicAwareness(
+    Service,
+    quiet=Quiet(
+        {
+            "EngagementMode": ("Unengaged", "FullyEngaged", "SemiEngaged"),
+            "TrackingMode": ("Head", "BodyRotation", "WholeBody", "MoveContextually"),
+            "StimulusDetectionEnabled": dict.fromkeys(
+                ("Sound", "Movement", "People", "Touch", "NavigationMotion"), True
+            ),
+            "Parameter": _AWARENESS,
+        },
+        {"engagePerson": False, "triggerStimulus": -1},  # nobody is in view
+    ),
+):
     """ALBasicAwareness."""
-
-    _ENGAGEMENT = ("Unengaged", "FullyEngaged", "SemiEngaged")
-    _TRACKING = ("Head", "BodyRotation", "WholeBody", "MoveContextually")
-    _STIMULI = ("Sound", "Movement", "People", "Touch", "NavigationMotion")
 
     def __init__(self, nao: VirtualNao) -> None:
         super().__init__(nao)
         self._on = self._paused = False
-        self._engagement, self._tracking = "Unengaged", "Head"
-        self._stimuli = dict.fromkeys(self._STIMULI, True)
-        self._parameters: dict[str, Any] = dict(_AWARENESS)
 
     def setEnabled(self, enabled: bool) -> None:
         self._on = bool(enabled)
@@ -163,45 +152,8 @@ class BasicAwareness(Service):
     def isAwarenessPaused(self) -> bool:
         return self._paused
 
-    def setEngagementMode(self, mode: str) -> None:
-        self._engagement = self._one("setEngagementMode", mode, self._ENGAGEMENT)
-
-    def getEngagementMode(self) -> str:
-        return self._engagement
-
-    def setTrackingMode(self, mode: str) -> None:
-        self._tracking = self._one("setTrackingMode", mode, self._TRACKING)
-
-    def getTrackingMode(self) -> str:
-        return self._tracking
-
-    def setStimulusDetectionEnabled(self, name: str, enabled: bool) -> None:
-        self._stimuli[self._one("setStimulusDetectionEnabled", name, self._STIMULI)] = bool(enabled)
-
-    def isStimulusDetectionEnabled(self, name: str) -> bool:
-        return self._stimuli[self._one("isStimulusDetectionEnabled", name, self._STIMULI)]
-
-    def setParameter(self, name: str, value: Any) -> None:
-        self._parameters[self._one("setParameter", name, tuple(_AWARENESS))] = value
-
-    def getParameter(self, name: str) -> Any:
-        return self._parameters[self._one("getParameter", name, tuple(_AWARENESS))]
-
     def resetAllParameters(self) -> None:
-        self._parameters = dict(_AWARENESS)
-
-    def engagePerson(self, person: int) -> bool:
-        return False  # nobody is in view
-
-    def triggerStimulus(self, position: Any) -> int:
-        return -1
-
-    def _one(self, method: str, value: str, known: tuple[str, ...]) -> str:
-        if value not in known:
-            raise RuntimeError(
-                f"ALBasicAwareness::{method} expected {', '.join(known)}, got {value}"
-            )
-        return value
+        self._unset("getParameter")
 
 
 _ANIMATIONS = (
@@ -215,7 +167,17 @@ _ANIMATIONS = (
 )
 
 
-class BehaviorManager(Service):
+class BehaviorManager(
+    Service,
+    quiet=Quiet(
+        answers={
+            "getUserBehaviorNames": [],
+            "getBehaviorTags": [],
+            "getTagList": [],
+            "getBehaviorNature": "no nature",
+        }
+    ),
+):
     """ALBehaviorManager: the animations that each robot brings; they run and move nothing."""
 
     _TOOK_S = 1.0
@@ -230,9 +192,6 @@ class BehaviorManager(Service):
         return list(self._installed)
 
     getBehaviorNames = getSystemBehaviorNames = getInstalledBehaviors
-
-    def getUserBehaviorNames(self) -> list[str]:
-        return []
 
     def isBehaviorInstalled(self, name: str) -> bool:
         return name in self._installed
@@ -266,15 +225,6 @@ class BehaviorManager(Service):
         return [name for name in self._installed if self.isBehaviorRunning(name)]
 
     getLoadedBehaviors = getRunningBehaviors
-
-    def getBehaviorTags(self, name: str) -> list[str]:
-        return []
-
-    def getTagList(self) -> list[str]:
-        return []
-
-    def getBehaviorNature(self, name: str) -> str:
-        return "no nature"
 
     def getDefaultBehaviors(self) -> list[str]:
         return list(self._defaults)

@@ -1,4 +1,4 @@
-"""ALLeds, ALBattery, ALPhotoCapture and ALSystem of a virtual NAO."""
+"""ALLeds, ALPhotoCapture and ALSystem of a virtual NAO."""
 
 from __future__ import annotations
 
@@ -157,51 +157,19 @@ def _colour(value: Any) -> Colour:
     return (rgb >> 16 & 255) / 255, (rgb >> 8 & 255) / 255, (rgb & 255) / 255
 
 
-class Battery(Service):
-    """ALBattery: full when the robot starts, empty after an hour and a half."""
-
-    def getBatteryCharge(self) -> int:
-        return int(self._nao.charge())
-
-    def enablePowerMonitoring(self, enabled: bool) -> None:
-        return
-
-
-class System(Service):
+class System(
+    Service,
+    quiet=Quiet(
+        {"setRobotName/robotName": lambda system: system._nao.body.model.name,
+         "setTimezone/timezone": "Etc/UTC"},
+        {"systemVersion": VERSION, "previousSystemVersion": VERSION,
+         "totalMemory": 1_000_000, "freeMemory": 600_000},  # kB, as free tells
+    ),
+):  # fmt: skip
     """ALSystem."""
 
-    def __init__(self, nao: VirtualNao) -> None:
-        super().__init__(nao)
-        self._name, self._zone = nao.body.model.name, "Etc/UTC"
-
-    def robotName(self) -> str:
-        return self._name
-
-    def setRobotName(self, name: str) -> bool:
-        self._name = name
-        return True
-
-    def systemVersion(self) -> str:
-        return VERSION
-
-    previousSystemVersion = systemVersion
-
-    def timezone(self) -> str:
-        return self._zone
-
-    def setTimezone(self, zone: str) -> bool:
-        self._zone = zone
-        return True
-
-    def totalMemory(self) -> int:
-        """kB, as free tells."""
-        return 1_000_000
-
-    def freeMemory(self) -> int:
-        return 600_000
-
     def systemInfo(self) -> list[str]:
-        return [VERSION, self._name, time.strftime("%Y-%m-%d")]
+        return [VERSION, asked(self, "robotName"), time.strftime("%Y-%m-%d")]
 
     def reboot(self) -> None:
         """The motors go off; the session goes on."""

@@ -3,33 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from doorway3ds.lab.sim.robot.nao.quiet import EFFECTORS
-from doorway3ds.lab.sim.robot.nao.service import Service, each, returns
+from doorway3ds.lab.sim.robot.nao.service import Quiet, Service, each, returns
 from doorway3ds.lab.sim.robot.nao.walk import Walk
 
-if TYPE_CHECKING:
-    from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
-
 _WAKE_S = 1.0
-_FLAGS = {
-    "BreathEnabled": False,
-    "CollisionProtectionEnabled": True,
-    "ExternalCollisionProtectionEnabled": True,
-    "IdlePostureEnabled": False,
-}
-"""Reflexes and safety as they are when the robot starts; kept when set, and without effect."""
 
 
 class Motion(Walk, quiet=EFFECTORS):
     """ALMotion."""
-
-    def __init__(self, nao: VirtualNao) -> None:
-        super().__init__(nao)
-        self._flags: dict[str, dict[str, Any]] = {name: {} for name in _FLAGS}
 
     # Stiffness.
 
@@ -202,44 +188,8 @@ class Motion(Walk, quiet=EFFECTORS):
             lines.append(f"{j:16}{body.stiffness(j):10.2f}{body.goal(j):9.4f}{body.angle(j):9.4f}")
         return "\n".join(lines)
 
-    def getMotionCycleTime(self) -> int:
-        return 20
-
     def getTaskList(self) -> list[list[Any]]:
         return [["Move", 1]] if self._nao.body.moving else []
-
-    # Reflexes and safety.
-
-    def setCollisionProtectionEnabled(self, chain: str, enabled: bool) -> bool:
-        self._flags["CollisionProtectionEnabled"][chain] = enabled
-        return True
-
-    def getCollisionProtectionEnabled(self, chain: str) -> bool:
-        return bool(self._flag("CollisionProtectionEnabled", chain))
-
-    def setExternalCollisionProtectionEnabled(self, name: str, enabled: bool) -> None:
-        parts = ("All", "Move", "Arms", "LArm", "RArm") if name == "All" else (name,)
-        for part in parts:
-            self._flags["ExternalCollisionProtectionEnabled"][part] = enabled
-
-    def getExternalCollisionProtectionEnabled(self, name: str) -> bool:
-        return bool(self._flag("ExternalCollisionProtectionEnabled", name))
-
-    def setBreathEnabled(self, chain: str, enabled: bool) -> None:
-        self._flags["BreathEnabled"][chain] = enabled
-
-    def getBreathEnabled(self, chain: str) -> bool:
-        return bool(self._flag("BreathEnabled", chain))
-
-    def setIdlePostureEnabled(self, chain: str, enabled: bool) -> None:
-        self._flags["IdlePostureEnabled"][chain] = enabled
-
-    def getIdlePostureEnabled(self, chain: str) -> bool:
-        return bool(self._flag("IdlePostureEnabled", chain))
-
-    def _flag(self, name: str, chain: str) -> Any:
-        kept = self._flags[name]
-        return kept.get(chain, kept.get("Body", _FLAGS[name]))
 
     def _joints(self, names: Any) -> list[str]:
         model = self._nao.body.model
@@ -281,12 +231,8 @@ _FAMILIES = {
 }
 
 
-class Posture(Service):
+class Posture(Service, quiet=Quiet(does="setMaxTryNumber")):
     """ALRobotPosture."""
-
-    def __init__(self, nao: VirtualNao) -> None:
-        super().__init__(nao)
-        self._tries = 3
 
     def goToPosture(self, name: str, speed: float) -> bool:
         body = self._nao.body
@@ -317,9 +263,6 @@ class Posture(Service):
 
     def getPostureFamilyList(self) -> list[str]:
         return sorted({_FAMILIES.get(n, "Standing") for n in self.getPostureList()})
-
-    def setMaxTryNumber(self, tries: int) -> None:
-        self._tries = int(tries)
 
     def stopMove(self) -> None:
         self._nao.body.freeze()

@@ -157,6 +157,10 @@ QUIET: dict[str, Quiet] = {
         does="stopAll",
     ),
     # The machine.
+    "ALBattery": Quiet(
+        answers={"getBatteryCharge": lambda battery: int(battery._nao.charge())},
+        does="enablePowerMonitoring",
+    ),
     "ALConnectionManager": Quiet(
         {"NetworkName": ""},
         {"state": "online", "services": [], "technologies": ["ethernet"]},
@@ -187,18 +191,24 @@ EFFECTORS = Quiet(
         "setSmartStiffnessEnabled/getSmartStiffnessEnabled": True,
         "setPushRecoveryEnabled/getPushRecoveryEnabled": True,
         "setDiagnosisEffectEnabled/getDiagnosisEffectEnabled": True,
+        "setBreathEnabled/getBreathEnabled": False,
+        "setCollisionProtectionEnabled/getCollisionProtectionEnabled": True,
+        "setExternalCollisionProtectionEnabled/getExternalCollisionProtectionEnabled": True,
+        "setIdlePostureEnabled/getIdlePostureEnabled": False,
         "OrthogonalSecurityDistance": 0.4,
         "TangentialSecurityDistance": 0.1,
         "BreathConfig": [["Bpm", 12.0], ["Amplitude", 0.5]],
     },
     {
         "wbGoToBalance": True,
+        "getMotionCycleTime": 20,
         "getFootSteps": [[], [], []],
         "getMass": 5.3,
         "areResourcesAvailable": True,
         "killTask": False,
     },
-    does="setPosition setPositions changePosition setTransform setTransforms changeTransform "
+    does="setMotionConfig setPosition setPositions changePosition setTransform setTransforms "
+    "changeTransform "
     "wbEnable wbFootState wbEnableBalanceConstraint wbEnableEffectorControl wbSetEffectorControl "
     "wbEnableEffectorOptimization setFootSteps setFootStepsWithSpeed killTasksUsingResources",
 )

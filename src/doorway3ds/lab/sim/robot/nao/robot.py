@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from doorway3ds.lab.sim.robot.body import Body
 from doorway3ds.lab.sim.robot.nao.life import AutonomousLife, BasicAwareness, BehaviorManager
-from doorway3ds.lab.sim.robot.nao.machine import Battery, Leds, PhotoCapture, System
+from doorway3ds.lab.sim.robot.nao.machine import Leds, PhotoCapture, System
 from doorway3ds.lab.sim.robot.nao.memory import Memory
 from doorway3ds.lab.sim.robot.nao.motion import Motion, Posture
 from doorway3ds.lab.sim.robot.nao.quiet import QUIET, TABLET
@@ -36,7 +36,6 @@ SERVICES: dict[str, type[Service]] = {
     "ALAnimatedSpeech": AnimatedSpeech,
     "ALAutonomousLife": AutonomousLife,
     "ALBasicAwareness": BasicAwareness,
-    "ALBattery": Battery,
     "ALBehaviorManager": BehaviorManager,
     "ALDialog": Dialog,
     "ALFaceDetection": FaceDetection,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from doorway3ds.lab.sim.robot.nao.memory import sonar, touch_sensors
-from doorway3ds.lab.sim.robot.nao.service import Extractor, Service
+from doorway3ds.lab.sim.robot.nao.service import Extractor, Quiet, Service, asked
 
 if TYPE_CHECKING:
     from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
@@ -67,30 +67,25 @@ class Touch(Service):
         return [[name, bool(touched.get(name))] for name in self.getSensorList()]
 
 
-class FaceDetection(Extractor):
+class FaceDetection(
+    Extractor,
+    quiet=Quiet(
+        {
+            "RecognitionEnabled": True,
+            "enableRecognition/isRecognitionEnabled": True,
+            "TrackingEnabled": False,
+            "enableTracking/isTrackingEnabled": False,
+            "RecognitionConfidenceThreshold": 0.4,
+            "pause/isPaused": False,
+        },
+    ),
+):
     """ALFaceDetection: nobody is in view, unless somebody raises FaceDetected."""
 
     def __init__(self, nao: VirtualNao) -> None:
         super().__init__(nao)
-        self._recognises, self._tracks, self._paused = True, False, False
-        self._camera, self._threshold = 0, 0.4
+        self._camera = 0
         self._known: list[str] = []
-
-    def setRecognitionEnabled(self, enabled: bool) -> None:
-        self._recognises = bool(enabled)
-
-    enableRecognition = setRecognitionEnabled
-
-    def isRecognitionEnabled(self) -> bool:
-        return self._recognises
-
-    def setTrackingEnabled(self, enabled: bool) -> None:
-        self._tracks = bool(enabled)
-
-    enableTracking = setTrackingEnabled
-
-    def isTrackingEnabled(self) -> bool:
-        return self._tracks
 
     def learnFace(self, name: str) -> bool:
         """Whether a face was in view to learn."""
@@ -114,14 +109,8 @@ class FaceDetection(Extractor):
         self._known = []
         return True
 
-    def pause(self, paused: bool) -> None:
-        self._paused = bool(paused)
-
-    def isPaused(self) -> bool:
-        return self._paused
-
     def isProcessing(self) -> bool:
-        return self._running and not self._paused
+        return self._running and not asked(self, "isPaused")
 
     def setActiveCamera(self, camera: int) -> bool:
         if camera not in (0, 1):
@@ -132,37 +121,45 @@ class FaceDetection(Extractor):
     def getActiveCamera(self) -> int:
         return self._camera
 
-    def setRecognitionConfidenceThreshold(self, threshold: float) -> None:
-        self._threshold = float(threshold)
-
-    def getRecognitionConfidenceThreshold(self) -> float:
-        return self._threshold
-
     def getEventList(self) -> list[str]:
         return ["FaceDetected"]
 
     getMemoryKeyList = getOutputNames = getEventList
 
 
-class Tracker(Service):
-    """ALTracker: looks and points where it is told; no target is ever in view."""
+_MODES = ("Head", "WholeBody", "Move", "Navigate")
+_TARGETS = ("RedBall", "Face", "LandMark", "LandMarks", "People", "Sound")
 
-    _MODES = ("Head", "WholeBody", "Move", "Navigate")
-    _TARGETS = ("RedBall", "Face", "LandMark", "LandMarks", "People", "Sound")
+
+class Tracker(
+    Service,
+    quiet=Quiet(
+        {
+            "Mode": _MODES,
+            "Effector": "None",
+            "RelativePosition": [],
+            "toggleSearch/isSearchEnabled": True,
+            "MaximumDistanceDetection": 3.0,
+            "TimeOut": 1000,
+        },
+        {
+            "getAvailableModes": list(_MODES),
+            "getSupportedTargets": list(_TARGETS),
+            "isTargetLost": True,
+            "isNewTargetDetected": False,
+            "getTargetPosition": [],
+        },
+    ),
+):
+    """ALTracker: looks and points where it is told; no target is ever in view."""
 
     def __init__(self, nao: VirtualNao) -> None:
         super().__init__(nao)
         self._targets: dict[str, Any] = {}
-        self._active, self._mode, self._effector = "", "Head", "None"
-        self._relative: list[float] = []
-        self._search, self._most_m, self._timeout_ms = True, 3.0, 1000
+        self._active = ""
 
     def registerTarget(self, target: str, parameters: Any) -> None:
-        if target not in self._TARGETS:
-            raise RuntimeError(
-                f"ALTracker::registerTarget expected {', '.join(self._TARGETS)}, got {target}"
-            )
-        self._targets[target] = parameters
+        self._targets[self._one("registerTarget", target, _TARGETS)] = parameters
 
     def unregisterTarget(self, target: str) -> None:
         self._targets.pop(target, None)
@@ -176,9 +173,6 @@ class Tracker(Service):
 
     def getRegisteredTargets(self) -> list[str]:
         return list(self._targets)
-
-    def getSupportedTargets(self) -> list[str]:
-        return list(self._TARGETS)
 
     def track(self, target: str) -> None:
         if target not in self._targets:
@@ -200,56 +194,6 @@ class Tracker(Service):
     def getActiveTarget(self) -> str:
         return self._active
 
-    def isTargetLost(self) -> bool:
-        return True
-
-    def isNewTargetDetected(self) -> bool:
-        return False
-
-    def getTargetPosition(self, frame: int = 0) -> list[float]:
-        return []
-
-    def setMode(self, mode: str) -> None:
-        if mode not in self._MODES:
-            raise RuntimeError(f"ALTracker::setMode expected {', '.join(self._MODES)}, got {mode}")
-        self._mode = mode
-
-    def getMode(self) -> str:
-        return self._mode
-
-    def getAvailableModes(self) -> list[str]:
-        return list(self._MODES)
-
-    def setEffector(self, effector: str) -> None:
-        self._effector = effector
-
-    def getEffector(self) -> str:
-        return self._effector
-
-    def setRelativePosition(self, position: Any) -> None:
-        self._relative = list(position)
-
-    def getRelativePosition(self) -> list[float]:
-        return self._relative
-
-    def toggleSearch(self, enabled: bool) -> None:
-        self._search = bool(enabled)
-
-    def isSearchEnabled(self) -> bool:
-        return self._search
-
-    def setMaximumDistanceDetection(self, metres: float) -> None:
-        self._most_m = float(metres)
-
-    def getMaximumDistanceDetection(self) -> float:
-        return self._most_m
-
-    def setTimeOut(self, milliseconds: int) -> None:
-        self._timeout_ms = int(milliseconds)
-
-    def getTimeOut(self) -> int:
-        return self._timeout_ms
-
     def lookAt(self, position: Any, *rest: Any) -> None:
         """(position, [frame,] fraction of the speed, whole body): turns the head to a point."""
         frame, fraction = _aimed("lookAt", rest, 2)
@@ -261,10 +205,8 @@ class Tracker(Service):
 
     def pointAt(self, effector: str, position: Any, *rest: Any) -> None:
         """("LArm" or "RArm", position, [frame,] fraction of the speed): an arm towards a point."""
-        if effector not in ("LArm", "RArm"):
-            raise RuntimeError(f"ALTracker::pointAt expected LArm or RArm, got {effector}")
+        side = self._one("pointAt", effector, ("LArm", "RArm"))[0]
         frame, fraction = _aimed("pointAt", rest, 1)
-        side = effector[0]
         x, y, z = self._from(f"{side}ShoulderPitch", position, frame)
         pitch, roll = math.atan2(-z, x), math.atan2(y, math.hypot(x, z))
         joints = [f"{side}{j}" for j in ("ShoulderPitch", "ShoulderRoll", "ElbowRoll")]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
 
 VERSION = "2.8.7.4"
+_WHOLE = (("Body",), ("All",))
 
 
 def returns(signature: str) -> Callable[[Any], Any]:
@@ -46,7 +47,10 @@ class Quiet:
 
     keeps: name -> value until it is set, by `set` and the name; asked for by `get` and the name,
         or `is` for a truth value. Arguments before the last, or those of the question, tell
-        several values of a name apart. Another pair of calls is named whole, as "mute/isMuted".
+        several values of a name apart; "Body" and "All" stand for each of them. Another pair of
+        calls is named whole, as "mute/isMuted". A tuple holds all values that there may be, the
+        first one first; a mapping, a value for each first argument that there may be; a function
+        makes the value of the service.
     answers: other calls -> what they answer; does: those that answer nothing.
     extractor: whether modules subscribe to it.
     """
@@ -60,11 +64,12 @@ class Quiet:
         """A function for each call."""
         calls: dict[str, Callable[..., Any]] = {}
         for kept, value in self.keeps.items():
-            ask = "is" if isinstance(value, bool) else "get"
+            one = next(iter(value.values())) if isinstance(value, Mapping) else value
+            ask = "is" if isinstance(one, bool) else "get"
             setter, _, getter = (
                 kept.partition("/") if "/" in kept else (f"set{kept}", "", ask + kept)
             )
-            calls |= {setter: _keep(setter, getter), getter: _kept(getter, value)}
+            calls |= {setter: _keep(setter, getter, value), getter: _kept(getter, value)}
         answers = {**self.answers, **dict.fromkeys(self.does.split())}
         return calls | {call: _answer(call, value) for call, value in answers.items()}
 
@@ -74,11 +79,16 @@ class Quiet:
         return types.new_class(name, bases, {"quiet": self})
 
 
-def _keep(setter: str, getter: str) -> Callable[..., None]:
-    def keep(self: Any, *given: Any) -> None:
+def _keep(setter: str, getter: str, value: Any) -> Callable[..., bool]:
+    def keep(self: Any, *given: Any) -> bool:
         if not given:
             raise RuntimeError(f"{type(self).__name__}::{setter} expected a value")
-        self.__dict__.setdefault("_set", {})[getter, repr(given[:-1])] = given[-1]
+        if isinstance(value, tuple | Mapping):
+            self._one(setter, given[0], value)
+        if given[:-1] in _WHOLE:
+            self._unset(getter)
+        self._set[getter, repr(given[:-1])] = given[-1]
+        return True
 
     keep.__name__ = setter
     return keep
@@ -86,7 +96,15 @@ def _keep(setter: str, getter: str) -> Callable[..., None]:
 
 def _kept(getter: str, value: Any) -> Callable[..., Any]:
     def kept(self: Any, *given: Any) -> Any:
-        return self.__dict__.get("_set", {}).get((getter, repr(given)), value)
+        usual = value
+        if isinstance(value, Mapping):
+            usual = value[self._one(getter, given[0] if given else None, value)]
+        elif isinstance(value, tuple):
+            usual = value[0]
+        elif callable(value):
+            usual = value(self)
+        keys = ((getter, repr(of)) for of in (given, *_WHOLE))
+        return next((self._set[key] for key in keys if key in self._set), usual)
 
     kept.__name__ = getter
     return kept
@@ -94,20 +112,14 @@ def _kept(getter: str, value: Any) -> Callable[..., Any]:
 
 def _answer(call: str, value: Any) -> Callable[..., Any]:
     def answer(self: Any, *given: Any) -> Any:
-        return value
+        return value(self) if callable(value) else value
 
     answer.__name__ = call
     return answer
 
 
-class Service:
-    """Public methods are NAOqi's, by name. Those with optional arguments may be called without.
-
-    quiet: further calls, without an effect.
-    """
-
-    # Calls run at the same time: stopMove must not wait for moveTo.
-    __qi_threading__ = "multi"
+class _Bound:
+    """What qi binds: public methods, also with optional arguments, and those of a table."""
 
     def __init_subclass__(cls, quiet: Quiet | None = None) -> None:
         for name, call in (quiet.calls() if quiet else {}).items():
@@ -122,8 +134,19 @@ class Service:
             if any(p.default is not p.empty for p in inspect.signature(method).parameters.values()):
                 setattr(cls, name, _any_number(name, method))
 
+
+class Service(_Bound):
+    """Public methods are NAOqi's, by name. Those with optional arguments may be called without.
+
+    quiet: further calls, without an effect.
+    """
+
+    # Calls run at the same time: stopMove must not wait for moveTo.
+    __qi_threading__ = "multi"
+
     def __init__(self, nao: VirtualNao) -> None:
         self._nao = nao
+        self._set: dict[tuple[str, str], Any] = {}
 
     def ping(self) -> bool:
         return True
@@ -135,7 +158,19 @@ class Service:
         return "MainBroker"
 
     def getMethodList(self) -> list[str]:
-        return methods_of(type(self))
+        """What it can be called for."""
+        return sorted(n for n in dir(self) if n[0] != "_" and callable(getattr(self, n)))
+
+    def _unset(self, getter: str) -> None:
+        """What a pair of calls keeps is as it was at first."""
+        self._set = {key: value for key, value in self._set.items() if key[0] != getter}
+
+    def _one(self, call: str, value: Any, known: Collection[Any]) -> Any:
+        """The value, refused if it is none of those known."""
+        if value not in tuple(known):
+            name = next(name for name, one in self._nao.services.items() if one is self)
+            raise RuntimeError(f"{name}::{call} expected {', '.join(map(str, known))}, got {value}")
+        return value
 
 
 class Extractor(Service):
@@ -179,14 +214,9 @@ class Extractor(Service):
         return [[name, *values] for name, values in self._subscribed.items()]
 
 
-def methods_of(kind: type) -> list[str]:
-    """What a service can be called for."""
-    return sorted(n for n in dir(kind) if not n.startswith("_") and callable(getattr(kind, n)))
-
-
-def asked(service: Service, call: str) -> Any:
-    """What a call answers that only a table names."""
-    return getattr(service, call)()
+def asked(service: Service, call: str, *given: Any) -> Any:
+    """A call that only a table names."""
+    return getattr(service, call)(*given)
 
 
 def each(what: str, values: Any, size: int) -> list[Any]:

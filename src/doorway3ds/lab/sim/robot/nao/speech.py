@@ -6,7 +6,7 @@ import re
 import threading
 from typing import TYPE_CHECKING, Any
 
-from doorway3ds.lab.sim.robot.nao.service import Extractor, Quiet, Service
+from doorway3ds.lab.sim.robot.nao.service import Extractor, Quiet, Service, asked
 
 if TYPE_CHECKING:
     from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
@@ -26,13 +26,22 @@ _GESTURE = re.compile(r"\^\w+(?:\([^)]*\))?")
 _SLICE_S = 0.05
 
 
-class Speech(Service):
+class Speech(
+    Service,
+    quiet=Quiet(
+        {"Parameter": _PARAMETERS},
+        {
+            "getAvailableLanguages": list(_VOICES),
+            "getSupportedLanguages": list(_VOICES),
+            "getAvailableVoices": list(_VOICES.values()),
+        },
+    ),
+):
     """ALTextToSpeech: what was said is kept and handed to `VirtualNao.on_speech`."""
 
     def __init__(self, nao: VirtualNao) -> None:
         super().__init__(nao)
         self._language, self._voice, self._volume = "English", "naoenu", 0.5
-        self._parameters = dict(_PARAMETERS)
         self._dictionary: dict[str, str] = {}
         self._speaking = threading.Lock()
         self._stops = 0
@@ -40,8 +49,8 @@ class Speech(Service):
 
     def say(self, text: str, language: str = "") -> None:
         """Says it and waits until it is said. Tags as \\rspd=80\\ are heard, not spoken."""
-        if language and language not in _VOICES:
-            raise RuntimeError(f"ALTextToSpeech::say the language {language} is not installed")
+        if language:
+            self._one("say", language, _VOICES)
         stops = self._stops
         with self._speaking:
             self._say(text, stops)
@@ -49,7 +58,7 @@ class Speech(Service):
     def _say(self, text: str, stops: int) -> None:
         nao, memory = self._nao, self._nao.memory
         self._count += 1
-        speed, pause = self._parameters["speed"], 0.0
+        speed, pause = asked(self, "getParameter", "speed"), 0.0
         for name, value in _TAG.findall(text):
             if name == "rspd" and value:
                 speed = float(value)
@@ -78,19 +87,11 @@ class Speech(Service):
         self._stops += 1
 
     def setLanguage(self, language: str) -> None:
-        if language not in _VOICES:
-            raise RuntimeError(
-                f"ALTextToSpeech::setLanguage expected {', '.join(_VOICES)}, got {language}"
-            )
-        self._language, self._voice = language, _VOICES[language]
+        self._language = self._one("setLanguage", language, _VOICES)
+        self._voice = _VOICES[language]
 
     def getLanguage(self) -> str:
         return self._language
-
-    def getAvailableLanguages(self) -> list[str]:
-        return list(_VOICES)
-
-    getSupportedLanguages = getAvailableLanguages
 
     def locale(self) -> str:
         return {"English": "en_US", "French": "fr_FR", "German": "de_DE", "Japanese": "ja_JP",
@@ -98,17 +99,10 @@ class Speech(Service):
                 "Italian": "it_IT"}[self._language]  # fmt: skip
 
     def setVoice(self, voice: str) -> None:
-        if voice not in _VOICES.values():
-            raise RuntimeError(
-                f"ALTextToSpeech::setVoice expected {', '.join(_VOICES.values())}, got {voice}"
-            )
-        self._voice = voice
+        self._voice = self._one("setVoice", voice, _VOICES.values())
 
     def getVoice(self) -> str:
         return self._voice
-
-    def getAvailableVoices(self) -> list[str]:
-        return list(_VOICES.values())
 
     def setVolume(self, volume: float) -> None:
         if not 0 <= volume <= 1:
@@ -118,25 +112,12 @@ class Speech(Service):
     def getVolume(self) -> float:
         return self._volume
 
-    def setParameter(self, name: str, value: float) -> None:
-        if name not in self._parameters:
-            raise RuntimeError(
-                f"ALTextToSpeech::setParameter expected {', '.join(self._parameters)}, got {name}"
-            )
-        self._parameters[name] = float(value)
-
-    def getParameter(self, name: str) -> float:
-        if name not in self._parameters:
-            raise RuntimeError(
-                f"ALTextToSpeech::getParameter expected {', '.join(self._parameters)}, got {name}"
-            )
-        return self._parameters[name]
-
     def resetSpeed(self) -> None:
-        self._parameters["speed"] = self._parameters["defaultVoiceSpeed"]
+        usual = asked(self, "getParameter", "defaultVoiceSpeed")
+        asked(self, "setParameter", "speed", usual)
 
     def reset(self) -> None:
-        self._parameters = dict(_PARAMETERS)
+        self._unset("getParameter")
 
     def addToDictionary(self, word: str, spoken: str) -> bool:
         self._dictionary[word] = spoken
@@ -146,7 +127,10 @@ class Speech(Service):
         return self._dictionary.pop(word, None) is not None
 
 
-class AnimatedSpeech(Service):
+class AnimatedSpeech(
+    Service,
+    quiet=Quiet(does="addTagsToWords declareTagForAnimations declareAnimationsPackage"),
+):
     """ALAnimatedSpeech: speaks as ALTextToSpeech does; gestures are left out."""
 
     _MODES = ("disabled", "random", "contextual")
@@ -159,19 +143,13 @@ class AnimatedSpeech(Service):
         self._nao.services["ALTextToSpeech"].say(text)
 
     def setBodyLanguageMode(self, mode: int) -> None:
-        if mode not in range(len(self._MODES)):
-            raise RuntimeError(f"ALAnimatedSpeech::setBodyLanguageMode expected 0 to 2, got {mode}")
-        self._mode = int(mode)
+        self._mode = self._one("setBodyLanguageMode", int(mode), range(3))
 
     def getBodyLanguageMode(self) -> int:
         return self._mode
 
     def setBodyLanguageModeFromStr(self, mode: str) -> None:
-        if mode not in self._MODES:
-            raise RuntimeError(
-                f"ALAnimatedSpeech::setBodyLanguageModeFromStr expected {', '.join(self._MODES)}, "
-                f"got {mode}"
-            )
+        self._one("setBodyLanguageModeFromStr", mode, self._MODES)
         self._mode = self._MODES.index(mode)
 
     def getBodyLanguageModeToStr(self) -> str:
@@ -185,16 +163,11 @@ class AnimatedSpeech(Service):
 
     setBodyTalkEnabled, isBodyTalkEnabled = setBodyLanguageEnabled, isBodyLanguageEnabled
 
-    def addTagsToWords(self, tags: Any) -> None:
-        return
-
-    declareTagForAnimations = declareAnimationsPackage = addTagsToWords
-
 
 class Dialog(
     Extractor,
     quiet=Quiet(
-        {"Concept": []},
+        {"Concept": [], "Language": "English"},
         {"runDialog": True, "getConcept": []},
         "stopDialog forceInput forceOutput gotoTag gotoTopic tell say setFocus setNumberOfScopes "
         "applyUserSettings addBlockingEvent removeBlockingEvent openSession closeSession "
@@ -207,13 +180,6 @@ class Dialog(
     def __init__(self, nao: VirtualNao) -> None:
         super().__init__(nao)
         self._topics: dict[str, bool] = {}
-        self._language = "English"
-
-    def setLanguage(self, language: str) -> None:
-        self._language = language
-
-    def getLanguage(self) -> str:
-        return self._language
 
     def loadTopic(self, path: str) -> str:
         """Takes the file's name for the topic's."""
@@ -238,8 +204,7 @@ class Dialog(
     def getLoadedTopics(self, language: str = "") -> list[str]:
         return list(self._topics)
 
-    def getAllLoadedTopics(self) -> list[str]:
-        return list(self._topics)
+    getAllLoadedTopics = getLoadedTopics
 
     def getActivatedTopics(self) -> list[str]:
         return [topic for topic, active in self._topics.items() if active]

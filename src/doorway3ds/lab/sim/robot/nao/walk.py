@@ -43,7 +43,6 @@ class Walk(Service):
     def __init__(self, nao: VirtualNao) -> None:
         super().__init__(nao)
         self._arms = [True, True]
-        self._config: list[list[Any]] = []
 
     def moveInit(self) -> None:
         body = self._nao.body
@@ -134,17 +133,11 @@ class Walk(Service):
 
     def getMoveConfig(self, kind: str = "Default") -> list[list[Any]]:
         """[[name, value], ...] for "Min", "Default" or "Max"."""
-        if kind not in ("Min", "Default", "Max"):
-            raise RuntimeError(f"ALMotion::getMoveConfig expected Min, Default or Max, got {kind}")
-        which = ("Min", "Default", "Max").index(kind)
+        kinds = ("Min", "Default", "Max")
+        which = kinds.index(self._one("getMoveConfig", kind, kinds))
         return [[name, v[which]] for name, v in _GAIT[self._nao.body.model.name].items()]
 
-    def getFootGaitConfig(self, kind: str) -> list[list[Any]]:
-        return self.getMoveConfig(kind)
-
-    def setMotionConfig(self, config: Any) -> None:
-        """ENABLE_FOOT_CONTACT_PROTECTION and the like: kept, without effect."""
-        self._config = [list(pair) for pair in config]
+    getFootGaitConfig = getMoveConfig
 
     def setMoveArmsEnabled(self, left: bool, right: bool) -> None:
         self._arms = [bool(left), bool(right)]
@@ -263,8 +256,4 @@ class Navigation(
         """[error, radius (m), [x, y, 0]]: where it stands."""
         return [0, float(radius), [0.0, 0.0, 0.0]]
 
-    def getFreeZone(self, radius: float, restricted: float) -> list[Any]:
-        return self.findFreeZone(radius, restricted)
-
-    def stopAndComputeFreeZone(self, radius: float, restricted: float) -> list[Any]:
-        return self.findFreeZone(radius, restricted)
+    getFreeZone = stopAndComputeFreeZone = findFreeZone
