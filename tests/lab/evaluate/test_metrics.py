@@ -54,6 +54,14 @@ def test_calibration_by_hand():
     assert c.ece == pytest.approx(0.5 * 0.05 + 0.5 * 0.45)
 
 
+def test_calibration_by_chance_shrinks_with_the_number_of_images():
+    few, many = (metrics.calibration_by_chance([0.5] * n, repeats=400) for n in (25, 2500))
+    # half of n outcomes: |share - 0.5| has the mean sqrt(2 / pi) * 0.5 / sqrt(n)
+    assert few.mean() == pytest.approx(0.0798, rel=0.1)
+    assert many.mean() == pytest.approx(0.00798, rel=0.1)
+    assert metrics.calibration_by_chance([0.0, 1.0]).max() == 0
+
+
 def test_depth_errors_by_hand():
     truth = np.array([[2.0, 4.0], [1.0, 5.0]])
     predicted = np.array([[2.4, 6.0], [1.0, 2.0]])

@@ -48,6 +48,7 @@ def test_networks_are_compared_with_the_first(held: Path, tmp_path: Path, cli: C
     assert value["closed_open"] == value["open_open"] == 1
     assert value["auc"] == 0.5
     assert value["ece"] == pytest.approx(0.9526 - 0.5, abs=1e-3)
+    assert 0 < value["ece_chance"] < 0.1 and "ece_chance" not in minus["values"]
     assert second["values"]["open_open"]["value"] == 0
     assert minus["values"]["open_open"]["value"] == -1
     assert minus["values"]["within_5deg"]["value"] == 0  # both list the same opening

@@ -128,6 +128,19 @@ def calibration(truth: ArrayLike, probability: ArrayLike, bins: int = 10) -> Cal
     return Calibration(mean_p, mean_t, n.astype(np.int64), ece)
 
 
+def calibration_by_chance(
+    probability: ArrayLike, bins: int = 10, repeats: int = 1000, seed: int = 0
+) -> FloatArray:
+    """(repeats,) calibration errors that (N,) probabilities show although they are true.
+
+    Outcomes are drawn from the probabilities themselves. What a network shows beyond these is
+    its own error; with few images most of what is measured is chance.
+    """
+    p = np.asarray(probability, float)
+    drawn = np.random.default_rng(seed).random((repeats, p.size)) < p
+    return np.array([calibration(outcome, p, bins).ece for outcome in drawn])
+
+
 def depth_errors(
     predicted: FloatArray,
     truth: FloatArray,

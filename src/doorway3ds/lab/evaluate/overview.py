@@ -44,6 +44,7 @@ COLUMNS: dict[str, str] = {
     "closed_open": "called open where none is",
     "open_open": "called open where one is",
     "ece": "ECE",
+    "ece_chance": "ECE by chance",
 }
 _OF_P_OPEN = ("closed_open", "open_open", "ece")
 
@@ -147,12 +148,23 @@ def score(
     mine, counts = _p_open_statistic(records), [len(records)] * len(_OF_P_OPEN)
     if before is None:
         told = intervals.bootstrap(mine, places, counts, repeats)
+        wanted["ece_chance"] = _ece_by_chance(records)
     else:
         was = _p_open_statistic(before)
         told = intervals.paired_difference(was, mine, places, counts, repeats)
     wanted |= dict(zip(_OF_P_OPEN, told, strict=True))
-    left_out = [n for n in wanted if n not in ("auc", *_OF_P_OPEN)] if rough else []
-    return {name: wanted[name] for name in COLUMNS if name not in left_out}
+    left_out = [n for n in wanted if n not in ("auc", "ece_chance", *_OF_P_OPEN)] if rough else []
+    return {name: wanted[name] for name in COLUMNS if name in wanted and name not in left_out}
+
+
+def _ece_by_chance(records: Sequence[DirectionRecord]) -> Interval:
+    """What the calibration error would be if p_open were true: its median and 95 %."""
+    p_open = [r.p_open for r in records if r.truth.is_open is not None]
+    if not p_open:
+        return Interval(math.nan, math.nan, math.nan, 0)
+    drawn = metrics.calibration_by_chance(p_open, ECE_BINS)
+    low, middle, high = np.percentile(drawn, [2.5, 50, 97.5])
+    return Interval(float(middle), float(low), float(high), len(p_open))
 
 
 def _p_open_statistic(
@@ -222,7 +234,7 @@ def table(rows: Iterable[Row]) -> str:
     unknown = Interval(math.nan, math.nan, math.nan, 0)
 
     def told(row: Row, key: str) -> str:
-        unit = "" if key in ("auc", "ece") else "share"
+        unit = "" if key in ("auc", "ece", "ece_chance") else "share"
         return cell(row.values.get(key, unknown), unit, to=" to ")
 
     return markdown(
