@@ -12,6 +12,7 @@ import typer
 
 from doorway3ds.cli.shared.options import expand
 from doorway3ds.compat import StrEnum
+from doorway3ds.decide.options import PACKAGED
 from doorway3ds.errors import CallError
 from doorway3ds.options import setting
 
@@ -55,7 +56,7 @@ def bench(
 
     Example: 3ds bench --repeat 50
     """
-    networks = network or ["doornet"]
+    networks = network or [PACKAGED]
     if against_paper:
         if against is Against.PEERS:
             raise CallError(

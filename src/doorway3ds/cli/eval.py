@@ -17,6 +17,7 @@ from doorway3ds.cli.shared.output import say, write_numbers
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.tables import print_tables
 from doorway3ds.cli.shared.training import command_line
+from doorway3ds.decide.options import PACKAGED
 from doorway3ds.errors import CallError
 from doorway3ds.lab.evaluate.options import DataOptions, MarkOptions, ReportOptions
 from doorway3ds.options import setting
@@ -93,7 +94,7 @@ def direction(
         runs = runners.match_answers(_progress(chosen.samples), stored.read_answers(answers))
     else:
         methods = [name.strip() for name in method.split(",")]
-        names = network or ["doornet"]
+        names = network or [PACKAGED]
         for part, k in _parts(dataset, pictures):
             for name in names:
                 loaded = None if name == "none" else _network(name, k)
@@ -144,7 +145,7 @@ def classifier(
     records: dict[str, list[scores.ClassifierRecord]] = {}
     left_out: dict[str, str] = {}
     for part, k in _parts(dataset, pictures):
-        loaded = {name: _network(name, k, ["p_open"]) for name in network or ["doornet"]}
+        loaded = {name: _network(name, k, ["p_open"]) for name in network or [PACKAGED]}
         if mirror:
             loaded = {f"{name}, mirrored average": Mirrored(n) for name, n in loaded.items()}
         new, missing = runners.run_classifier(_progress(part.samples), loaded)
@@ -185,7 +186,7 @@ def depth(
     left_out: dict[str, str] = {}
     networks_of: dict[tuple[str, str], Network] = {}
     for part, k in _parts(dataset, pictures):
-        loaded = {name: _network(name, k, ["depth"]) for name in network or ["doornet"]}
+        loaded = {name: _network(name, k, ["depth"]) for name in network or [PACKAGED]}
         new, missing = runners.run_depth(_progress(part.samples), loaded, mirror)
         left_out |= missing
         for protocol, column in new.items():
@@ -227,7 +228,7 @@ def overview(
     from doorway3ds.lab.evaluate import overview as tables
     from doorway3ds.networks.registry import load
 
-    names = network or ["doornet"]
+    names = network or [PACKAGED]
     rows: list[tables.Row] = []
     for part in tables.held_sets(datasets, tables.read_held(held_out)):
         rows += tables.compare(part, names, load, preset, repeats, sheets, _progress)

@@ -14,6 +14,7 @@ from doorway3ds.cli.shared.options import expand
 from doorway3ds.cli.shared.output import say, write_numbers
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.training import Watch, command_line
+from doorway3ds.decide.options import PACKAGED
 from doorway3ds.errors import CallError
 from doorway3ds.files import write_bytes
 from doorway3ds.lab.train.options import SiteOptions
@@ -34,7 +35,7 @@ def qualify(
     camera: LensOptions,
     site: SiteOptions,
     network: str = setting(
-        "doornet", "Network to start from: doornet or a site model.", metavar="NAME|FILE"
+        PACKAGED, "Network to start from: doornet or a site model.", metavar="NAME|FILE"
     ),
     out: Path = setting(Path("site.onnx"), "Site model to write if it is better.", metavar="FILE"),
     report: Path | None = setting(None, "Write report.html and PNGs there.", metavar="DIR"),

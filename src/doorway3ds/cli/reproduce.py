@@ -15,6 +15,7 @@ from doorway3ds.cli.shared.output import say
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.tables import print_tables
 from doorway3ds.cli.shared.training import Watch, command_line
+from doorway3ds.decide.options import PACKAGED
 from doorway3ds.errors import CallError
 from doorway3ds.lab.train.options import ClassOptions, SrinOptions, StartOptions
 from doorway3ds.options import setting
@@ -36,7 +37,7 @@ def reproduce(
         "Twelve images for Tables 1 and 2, in a folder per class or without classes.",
         metavar="DIR",
     ),
-    network: Network = "doornet",
+    network: Network = PACKAGED,
     dataset: Path | None = setting(
         None,
         "Data set to train CNN-SRIN on for 10, 20 and 30 epochs; needs --out.",

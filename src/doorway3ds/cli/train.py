@@ -10,6 +10,7 @@ import typer
 from doorway3ds.cli.shared.options import expand
 from doorway3ds.cli.shared.output import say
 from doorway3ds.cli.shared.training import running as run_of
+from doorway3ds.decide.options import PACKAGED
 from doorway3ds.errors import CallError
 from doorway3ds.lab.train.options import (
     ClassOptions,
@@ -67,7 +68,7 @@ def doornet(
         None, "Learn from unmarked photographs, too; repeatable.", metavar="FOLDER"
     ),
     labeller: str = setting(
-        "doornet", "Network that labels the unmarked photographs.", metavar="NETWORK"
+        PACKAGED, "Network that labels the unmarked photographs.", metavar="NETWORK"
     ),
     seed: int | None = setting(None, "Seed, instead of the recipe's."),
     patience: int | None = setting(
@@ -87,7 +88,6 @@ def doornet(
     from doorway3ds.lab.datasets.samples import parse_split
     from doorway3ds.lab.train.doornet.recipe import read_recipe
     from doorway3ds.lab.train.doornet.run import DoorNetTraining, Teachers
-    from doorway3ds.networks.registry import load
 
     fold = parse_split(hold_out) if hold_out else None
     if report is not None and (fold is None or not 1 <= report <= fold[1] or report - 1 == fold[0]):
@@ -109,7 +109,7 @@ def doornet(
             calibration=calibration,
             init=init,
             unmarked=unmarked or (),
-            labeller=load(labeller) if unmarked else None,
+            labeller=labeller,
             precision=precision,
         )
         card = training()

@@ -9,6 +9,9 @@ from doorway3ds.compat import StrEnum
 from doorway3ds.errors import CallError
 from doorway3ds.options import Options, setting
 
+PACKAGED = "doornet"
+"""The network that decides unless another is named; its file is in the package."""
+
 ALIGNED_DEG = 3.0
 """A robot faces a doorway whose bearing is at most this."""
 
@@ -27,7 +30,7 @@ class NetworkOptions(Options):
     panel: ClassVar[str] = "Decision"
 
     network: str = setting(
-        "doornet",
+        PACKAGED,
         "Network to use, one of `3ds models` or an .onnx file; two are joined by +.",
         metavar="NAME[+NAME]",
     )

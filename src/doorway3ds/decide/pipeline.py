@@ -15,7 +15,7 @@ from doorway3ds.decide.each import Each
 from doorway3ds.decide.follow import follow
 from doorway3ds.decide.gates import Gates, decide
 from doorway3ds.decide.opening import OpeningParams, select_opening, way_below
-from doorway3ds.decide.options import DecideOptions, Method
+from doorway3ds.decide.options import PACKAGED, DecideOptions, Method
 from doorway3ds.decide.paper import select_paper
 from doorway3ds.decide.scene.metres import in_metres
 from doorway3ds.errors import CallError, UserError
@@ -88,7 +88,7 @@ class Pipeline:
     @classmethod
     def default(cls, *, threads: int | None = None) -> Pipeline:
         """The packaged network and the `opening` method."""
-        return cls(load("doornet", threads=threads))
+        return cls(load(PACKAGED, threads=threads))
 
     @classmethod
     def paper(cls, classifier: Network | None = None, depth: Network | None = None) -> Pipeline:
@@ -97,7 +97,7 @@ class Pipeline:
         classifier gives p_open, depth gives depth; one network may be both.
         """
         given = [network for network in (classifier, depth) if network is not None]
-        networks = given if len(given) == 2 else [load("doornet"), *given]
+        networks = given if len(given) == 2 else [load(PACKAGED), *given]
         return cls(networks[0] if len(networks) == 1 else Joined(networks), method="paper")
 
     def __call__(

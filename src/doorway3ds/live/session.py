@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from doorway3ds.camera.model import Camera, Pose
+from doorway3ds.camera.model import Camera, Pose, wrapped_deg
 from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.live.eyes import Eyes, Update
 from doorway3ds.live.feed import Feed
@@ -167,7 +167,7 @@ class Session(Eyes):
         before, self._headed_deg = self._headed_deg, self._heading()
         if before is None or self._headed_deg is None:
             return 0.0
-        return (self._headed_deg - before + 180) % 360 - 180
+        return wrapped_deg(self._headed_deg - before)
 
 
 def watch(

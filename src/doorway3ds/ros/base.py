@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from doorway3ds.camera.model import wrapped_deg
 from doorway3ds.robots.base import RobotLost, RobotPose, TurnEnd, TurnResult
 from doorway3ds.ros.received import heading_of
 
@@ -93,7 +94,7 @@ class BaseRobot:
                     self.why = problem or "it was stopped"
                     end = TurnEnd.STOPPED if stopped else TurnEnd.LOST
                     break
-                step_deg = (where.heading_deg - last_deg + 180) % 360 - 180
+                step_deg = wrapped_deg(where.heading_deg - last_deg)
                 fastest_deg = 2 * math.degrees(self.speed_rad_s) * (now - last_s + _PERIOD_S)
                 if abs(step_deg) > fastest_deg + _JUMP_DEG:
                     self.why, end = f"the odometry jumps by {step_deg:.0f} deg", TurnEnd.LOST

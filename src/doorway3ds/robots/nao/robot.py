@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from doorway3ds.camera.model import wrapped_deg
 from doorway3ds.errors import UserError
 from doorway3ds.robots.base import (
     HALTING,
@@ -260,7 +261,7 @@ class NaoRobot:
 
     def _turned_since(self, before_deg: float) -> float | None:
         try:
-            return (self.pose().heading_deg - before_deg + 180) % 360 - 180
+            return wrapped_deg(self.pose().heading_deg - before_deg)
         except RobotError:
             return None
 

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera.model import Camera
+from doorway3ds.camera.model import Camera, wrapped_deg
 from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.lab.sim.pictures.perceive import perfect
 from doorway3ds.lab.sim.pictures.truth import Truth
@@ -193,10 +193,6 @@ def _bearings(stage: Stage, x: float, y: float) -> list[float]:
     return out
 
 
-def _gap(a: float, b: float) -> float:
-    return abs((a - b + 180) % 360 - 180)
-
-
 def _off(studio: Studio, world: World) -> tuple[float | None, bool | None]:
     """How far from facing the nearest doorway, by the exact picture, else by the plan."""
     eye = world.eye()
@@ -207,4 +203,4 @@ def _off(studio: Studio, world: World) -> tuple[float | None, bool | None]:
         nearest = min(truth.openings, key=lambda o: abs(o.bearing_deg))
         return float(abs(nearest.bearing_deg)), nearest.clear
     bearings = _bearings(world.stage, eye.x, eye.y)
-    return min((_gap(b, eye.heading_deg) for b in bearings), default=None), None
+    return min((abs(wrapped_deg(b - eye.heading_deg)) for b in bearings), default=None), None

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from doorway3ds.decide.options import PACKAGED
 from doorway3ds.errors import UserError
 from doorway3ds.files import write_bytes
 from doorway3ds.lab.datasets.readers import guess_layout
@@ -39,7 +40,6 @@ from doorway3ds.lab.train.engine.calibrate import platt, relative_depth_error
 from doorway3ds.lab.train.engine.loop import Row
 from doorway3ds.lab.train.engine.training import Run, Training
 from doorway3ds.networks import registry
-from doorway3ds.networks.base import Network
 from doorway3ds.networks.mirrored import Mirrored
 from doorway3ds.networks.session import digest
 
@@ -173,8 +173,8 @@ class DoorNetTraining(Training):
     further fold that is kept from everything but the report. marks: closer marks for some of the
     pictures (see `read_marks`). calibration: the card of an earlier held-out run, for a training
     on everything. init: weights of an earlier run of the same recipe's network to start from.
-    unmarked: folders of photographs to learn from, too, by what `labeller` sees in them; it must
-    not have learned from the places held out.
+    unmarked: folders of photographs to learn from, too, by what the network `labeller` (a name or
+    file) sees in them; it must not have learned from the places held out.
     """
 
     name = "doornet"
@@ -192,7 +192,7 @@ class DoorNetTraining(Training):
         calibration: Path | None = None,
         init: Path | None = None,
         unmarked: Sequence[Path] = (),
-        labeller: Network | None = None,
+        labeller: str = PACKAGED,
         precision: str = "auto",
     ) -> None:
         if recipe.fit.patience and hold_out is None:
@@ -212,7 +212,7 @@ class DoorNetTraining(Training):
         self.kept = kept + compose(kept, recipe.compose, recipe.fit.seed)
         self.labelled_by: str | None = None
         if unmarked:
-            network = Mirrored(labeller or registry.load("doornet"))
+            network = Mirrored(registry.load(labeller))
             self.labelled_by = network.name
             for folder in unmarked:
                 self.kept += with_pseudo_labels(read_unmarked(folder, network), teachers, recipe)

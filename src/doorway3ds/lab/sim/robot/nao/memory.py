@@ -13,6 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from doorway3ds.camera.model import wrapped_deg
 from doorway3ds.lab.sim.robot.nao.quiet import HEARD
 from doorway3ds.lab.sim.robot.nao.service import Service
 
@@ -119,7 +120,7 @@ def _lean(nao: VirtualNao, axis: str) -> float:
         return math.atan2(m[2, 1], m[2, 2])
     if axis == "Y":
         return math.asin(max(-1.0, min(1.0, -m[2, 0])))
-    return math.radians((nao.body.odometry()[2] + 180) % 360 - 180)
+    return math.radians(wrapped_deg(nao.body.odometry()[2]))
 
 
 def _gyro(nao: VirtualNao, axis: str) -> float:

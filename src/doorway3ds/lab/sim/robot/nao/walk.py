@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from doorway3ds.camera.model import wrapped_deg
 from doorway3ds.lab.sim.robot.model import about, moved
 from doorway3ds.lab.sim.robot.nao.service import Quiet, Service, returns
 
@@ -120,7 +121,7 @@ class Walk(Service):
     @returns("[f]")
     def getRobotPosition(self, sensors: bool = True) -> list[float]:
         x, y, heading = self._nao.body.odometry()
-        return [x, y, math.radians((heading + 180) % 360 - 180)]
+        return [x, y, math.radians(wrapped_deg(heading))]
 
     @returns("[f]")
     def getNextRobotPosition(self) -> list[float]:
