@@ -12,6 +12,7 @@ import pytest
 from doorway3ds.errors import UserError
 from doorway3ds.live.feed import Feed
 from doorway3ds.sources import Source, SourceLost, View
+from doorway3ds.threads import Worker
 from doorway3ds.types import Frame
 
 IMAGE = np.zeros((6, 8, 3), np.uint8)
@@ -143,3 +144,26 @@ def test_closing_ends_the_threads_also_while_a_frame_waits() -> None:
     feed.close()
     feed.close()
     assert threading.active_count() == before
+
+
+def test_closing_waits_for_the_network_and_not_for_the_source(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Python must not end while a thread is inside the network."""
+    monkeypatch.setattr(Worker.close, "__defaults__", (0.05,))
+    under_way, plugged = threading.Event(), threading.Event()
+    seen: list[float] = []
+
+    def slow(frame: Frame, name: str) -> float:
+        under_way.set()
+        time.sleep(0.5)
+        seen.append(frame.stamp_s)
+        return frame.stamp_s
+
+    with Feed(Numbers(9), slow):
+        under_way.wait(5)
+    assert seen == [0.0]
+    with Feed(Numbers(9, lambda number: plugged.wait(5) and None), slow) as hanging:
+        pass
+    plugged.set()
+    assert hanging.read(0.2) is None and seen == [0.0]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import asdict, replace
@@ -34,6 +33,7 @@ from doorway3ds.images.film import Film, require_film
 from doorway3ds.options import setting
 from doorway3ds.robots.options import MotionOptions
 from doorway3ds.sources.options import SourceOptions
+from doorway3ds.threads import Worker
 
 if TYPE_CHECKING:
     from doorway3ds.decide.pipeline import Pipeline
@@ -184,13 +184,11 @@ def _drive(
                 failed.append(error)
             relay.end(error)
 
-    thread = threading.Thread(target=watching, name="watch", daemon=True)
-    thread.start()
+    watcher = Worker(watching, "watch", watch.session.stop)
     try:
         report = TurnLoop(relay, driver, params, log=log, tell=tell).run()
     finally:
-        watch.session.stop()
-        thread.join()
+        watcher.close(None)
     if failed:  # a film that cannot be written, say: the robot has been stopped by now
         raise failed[0]
     return report

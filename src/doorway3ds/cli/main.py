@@ -63,12 +63,15 @@ _EXTRAS = {
 
 def main() -> None:
     """Runs the command line and ends the process: 0 done, 1 not (all) done, 2 wrong call."""
+    from doorway3ds.threads import end_all
+
     try:
         status = run(sys.argv[1:])
     except KeyboardInterrupt:
         status = 130
-    if "qi" in sys.modules:
-        # A call that a robot never answered crashes qi's threads while Python ends; all is closed.
+    if not end_all(0) or "qi" in sys.modules:
+        # A driver that hangs, or a call that a robot never answered, would crash its thread while
+        # Python ends; all is closed.
         for stream in (sys.stdout, sys.stderr):
             with contextlib.suppress(OSError, ValueError):
                 stream.flush()

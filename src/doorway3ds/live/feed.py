@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from doorway3ds.errors import UserError
+from doorway3ds.threads import Worker
 from doorway3ds.types import Frame
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 _WAIT_S = 0.5  # for an image, before the source counts as silent
-_CLOSE_WAIT_S = 2.0
 
 
 class Frames(Protocol):
@@ -48,7 +48,8 @@ class Feed(Generic[T]):
         self, source: Frames, see: Callable[[Frame, str], T | None], *, ahead: int = 1
     ) -> None:
         self._source, self._see = source, see
-        self._silent = False
+        self._silent = self._closed = False
+        self._seeing = threading.RLock()
         self._reader: _Ahead[tuple[Frame, str]] | None = None
         self._seer: _Ahead[T] | None = None
         if ahead > 1:
@@ -76,10 +77,12 @@ class Feed(Generic[T]):
         return self._step(timeout_s) if self._seer is None else self._seer.read(timeout_s)
 
     def close(self) -> None:
-        """Ends the threads; may be called twice."""
+        """Ends the threads; may be called twice. What `see` has begun it finishes first."""
         for thread in (self._seer, self._reader):
             if thread is not None:
                 thread.close()
+        with self._seeing:
+            self._closed = True
 
     def __enter__(self) -> Self:
         return self
@@ -96,7 +99,8 @@ class Feed(Generic[T]):
         self._silent = fetched is None
         if fetched is None:
             return None
-        return self._see(*fetched)
+        with self._seeing:
+            return None if self._closed else self._see(*fetched)
 
 
 class _Ahead(Generic[T]):
@@ -112,8 +116,7 @@ class _Ahead(Generic[T]):
         self._news = threading.Condition()
         self._kept: list[tuple[T | None, BaseException | None]] = []  # one at most
         self._done = self._closing = False
-        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
-        self._thread.start()
+        self._worker = Worker(self._run, name, self._stop)
 
     @property
     def ended(self) -> bool:
@@ -132,11 +135,12 @@ class _Ahead(Generic[T]):
         return value
 
     def close(self) -> None:
+        self._worker.close()
+
+    def _stop(self) -> None:
         with self._news:
             self._closing = True
             self._news.notify_all()
-        if self._thread is not threading.current_thread():
-            self._thread.join(_CLOSE_WAIT_S)
 
     def _run(self) -> None:
         done = False

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
 
 from doorway3ds.camera.vanishing import FocalWatch
+from doorway3ds.threads import Worker
 from doorway3ds.types import Frame
 
 _EVERY_S = 2.0  # another view by then, and little of the processor's time
@@ -21,7 +21,7 @@ class LensWatch:
     def __init__(self, tell: Callable[[str], None], every_s: float = _EVERY_S) -> None:
         self._tell, self._every_s = tell, every_s
         self._watch = FocalWatch()
-        self._thread: threading.Thread | None = None
+        self._worker: Worker | None = None
         self._due_s = 0.0
 
     @property
@@ -31,7 +31,7 @@ class LensWatch:
 
     @property
     def _busy(self) -> bool:
-        return self._thread is not None and self._thread.is_alive()
+        return self._worker is not None and self._worker.alive
 
     def offer(self, frame: Frame) -> None:
         """A further frame; returns at once."""
@@ -39,10 +39,7 @@ class LensWatch:
         if self._busy or self._watch.done or now_s < self._due_s:
             return
         self._due_s = now_s + self._every_s
-        self._thread = threading.Thread(
-            target=self._look, args=(frame,), name="lens check", daemon=True
-        )
-        self._thread.start()
+        self._worker = Worker(lambda: self._look(frame), "lens check")
 
     def _look(self, frame: Frame) -> None:
         self._watch.look(frame.image, frame.camera)

@@ -29,6 +29,7 @@ from doorway3ds.ros.received import pose_of, transform_of
 from doorway3ds.ros.topic import TopicFrame, TopicSource
 from doorway3ds.ros.transforms import bare
 from doorway3ds.sources.base import View
+from doorway3ds.threads import Worker
 from doorway3ds.types import Decision, Reason
 
 NAME = "doorway3ds"
@@ -78,13 +79,11 @@ def _spinning(node: Any, executor: Any) -> Iterator[None]:
             executor.spin()
 
     executor.add_node(node)
-    thread = threading.Thread(target=spin, name=node.get_name(), daemon=True)
-    thread.start()
+    worker = Worker(spin, node.get_name(), lambda: executor.shutdown(1.0))
     try:
         yield
     finally:
-        executor.shutdown(1.0)
-        thread.join(2.0)
+        worker.close()
 
 
 class DoorwayNode:

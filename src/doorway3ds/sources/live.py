@@ -9,10 +9,10 @@ from collections.abc import Callable
 from doorway3ds.errors import UserError
 from doorway3ds.images.codec import read_image
 from doorway3ds.sources.base import Capture, Shot, Source, SourceLost, View
+from doorway3ds.threads import Worker
 from doorway3ds.types import Frame
 
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.25, 8.0
-_CLOSE_WAIT_S = 2.0
 
 
 class LiveSource(Source):
@@ -54,10 +54,7 @@ class LiveSource(Source):
         except (OSError, UserError) as error:
             raise SourceLost(f"{name} cannot be opened: {error}") from error
         self._last_s = time.monotonic()
-        self._thread = threading.Thread(
-            target=self._run, args=(capture,), name=f"reader of {name}", daemon=True
-        )
-        self._thread.start()
+        self._reader = Worker(lambda: self._run(capture), f"reader of {name}", self._stop)
 
     def read(self, timeout_s: float | None = None) -> Frame | None:
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
@@ -127,14 +124,14 @@ class LiveSource(Source):
         return None
 
     def close(self) -> None:
+        self._reader.close()  # a thread inside a driver releases the device itself once it returns
+
+    def _stop(self) -> None:
         with self._news:
             self.ended = True
             self._closing.set()
             self._shot = None
             self._news.notify_all()
-        if self._thread is not threading.current_thread():
-            # A thread inside a driver releases the device itself once it returns.
-            self._thread.join(_CLOSE_WAIT_S)
 
     def _run(self, first: Capture) -> None:
         capture: Capture | None = first

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import sys
-import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
+
+from doorway3ds.threads import Worker
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -109,7 +110,7 @@ class CountedBar:
             self._bar = bar(rate=True)
             self._bar.add_task("", total=None)
             self._bar.start()
-            threading.Thread(target=self._size, daemon=True).start()
+            Worker(self._size, "count")
         return self
 
     def _size(self) -> None:

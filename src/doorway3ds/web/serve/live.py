@@ -22,6 +22,7 @@ from doorway3ds.live.eyes import Update
 from doorway3ds.live.session import Session
 from doorway3ds.live.tracker import Tracked
 from doorway3ds.sources.base import Source, SourceLost
+from doorway3ds.threads import Worker
 from doorway3ds.types import Decision, Reason
 from doorway3ds.web.base.metrics import Metrics
 from doorway3ds.web.serve.choice import Fields, Pipelines, source_frame
@@ -107,13 +108,13 @@ class Live:
         self._released = False
         self._loop: asyncio.AbstractEventLoop | None = None
         self._changed: asyncio.Event | None = None
-        self._thread = threading.Thread(target=self._run, name="live", daemon=True)
+        self._worker: Worker | None = None
 
     def start(self) -> None:
         """Begins to read; call it in the event loop that will wait for frames."""
         self._loop = asyncio.get_running_loop()
         self._changed = asyncio.Event()
-        self._thread.start()
+        self._worker = Worker(self._run, "live", self._halt)
 
     def release(self) -> None:
         """Lets nobody wait any longer."""
@@ -122,11 +123,14 @@ class Live:
 
     def stop(self) -> None:
         """Ends the thread and wakes everybody who waits."""
+        if self._worker is not None:
+            self._worker.close(5)
+        self._enter("stopped", None)
+
+    def _halt(self) -> None:
         self._stopping.set()
         if self._session is not None:
             self._session.source.close()
-        self._thread.join(timeout=5)
-        self._enter("stopped", None)
 
     def use(self, fields: Fields) -> None:
         """Decides by other settings from the next frame on.
