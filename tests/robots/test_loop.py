@@ -205,6 +205,28 @@ def test_it_does_not_turn_where_looking_down_shows_something(tmp_path: Path) -> 
     assert len(list(looks(tmp_path / "run", events))) == report.looks
 
 
+def test_a_blocked_way_is_looked_at_again_from_straight_ahead() -> None:
+    """Seen at the image's edge a way may only seem blocked; the head is level before any turn."""
+
+    def run(blocked_ahead: bool) -> tuple[Headed, TurnLoop]:
+        world = Headed()
+
+        def decide(frame: Frame) -> Decision:
+            if world.heading == 0.0 and (blocked_ahead or world.head != (25.0, 0.0)):
+                return decision(frame, Reason.BLOCKED, 25.0)
+            return sees(world, 25.0)(frame)
+
+        return world, loop(world, decide)
+
+    world, free = run(blocked_ahead=False)
+    report = free.run()
+    assert (report.outcome, report.goes, report.looks) == (Outcome.ALIGNED, 1, 4)
+    assert world.aims == [(25.0, 0.0), (0.0, 5.0)] and world.turns == [25.0]
+    world, blocked = run(blocked_ahead=True)
+    assert blocked.run().outcome is Outcome.BLOCKED
+    assert world.aims == [(25.0, 0.0), (0.0, 5.0)] and world.turns == []
+
+
 def test_without_permission_no_head_is_moved() -> None:
     world = Headed()
     driver = Driver(world, move=False, clock=lambda: world.now)

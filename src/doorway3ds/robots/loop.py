@@ -166,6 +166,7 @@ class TurnLoop:
         self._blocked = self._freed = self._unsure = self._stale = 0
         self._searched_deg = 0.0
         self._checked_deg: float | None = None
+        self._ahead: tuple[float, float] | None = None
         self._side = 1.0
         self._expected_deg: float | None = None
 
@@ -182,6 +183,8 @@ class TurnLoop:
                 # Images from before the robot stood up are of something else.
                 self._ready_s = self._clock() if self._driver.move else -math.inf
                 outcome, why = self._steps()
+                if outcome is not Outcome.LOST:
+                    self._face_ahead()
             except RobotLost as error:
                 outcome, why = Outcome.LOST, str(error)
         except BaseException as error:
@@ -209,11 +212,12 @@ class TurnLoop:
             action = _Action("look down") if checks else self._plan(decision)
             self._log.look(self._looks, decision, str(action), self._expected_deg)
             self._tell(f"look {self._looks}: {decision.reason} -> {action}")
-            if action.outcome is not None:
-                return action.outcome, action.why
             if action.kind == "wait":
+                self._face(decision)
                 self._wait(self._params.blocked_s)
                 continue
+            if action.outcome is not None:
+                return action.outcome, action.why
             end = self._look_down(decision) if checks else self._turn(action, decision.frame)
             if end is not None:
                 return end
@@ -292,6 +296,18 @@ class TurnLoop:
         self._wait(params.blocked_s)
         return None
 
+    def _face(self, decision: Decision) -> None:
+        """Turns the head towards a blocked way: seen at the image's edge it may only seem so."""
+        bearing = decision.selection.bearing_deg
+        if self._ahead is None and decision.reason is Reason.BLOCKED and bearing is not None:
+            self._ahead = self._driver.aim(bearing, 0.0)
+
+    def _face_ahead(self) -> None:
+        """Turns the head back to where it was before `_face`."""
+        if self._ahead is not None:
+            self._driver.aim(*self._ahead)
+            self._ahead = None
+
     def _make_sure(self, decision: Decision) -> _Action:
         params, found = self._params, decision.selection
         self._unsure += 1
@@ -322,6 +338,7 @@ class TurnLoop:
 
     def _turn(self, action: _Action, frame: Frame) -> tuple[Outcome, str] | None:
         """Turns; an outcome where that ends the run."""
+        self._face_ahead()
         try:
             result = self._driver.turn(action.turn_deg, frame.stamp_s)
         except Refused as error:
