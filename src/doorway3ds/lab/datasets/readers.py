@@ -236,21 +236,10 @@ def _with_files(
     fx = given("fx_px", math.nan)
     if not fx > 0:
         raise UserError(f"{where}: expected a focal length fx_px above 0, got '{row['fx_px']}'")
-    camera = Camera(
-        "rendered",
-        width,
-        height,
-        fx,
-        given("fy_px", fx),
-        given("cx_px", (width - 1) / 2),
-        given("cy_px", (height - 1) / 2),
-    )
-    pose = Pose(
-        height_m=number(row, "height_m", where),
-        pitch_deg=given("pitch_deg", 0),
-        yaw_deg=given("yaw_deg", 0),
-        roll_deg=given("roll_deg", 0),
-    )
+    middle = given("cx_px", (width - 1) / 2), given("cy_px", (height - 1) / 2)
+    camera = Camera("rendered", width, height, fx, given("fy_px", fx), *middle)
+    turned = {angle: given(angle, 0) for angle in ("pitch_deg", "yaw_deg", "roll_deg")}
+    pose = Pose(height_m=number(row, "height_m", where), **turned)
     return replace(sample, camera=camera, pose=pose, depth_path=depth_path, floor_path=floor_path)
 
 
@@ -326,15 +315,12 @@ def _read_boxes(path: Path) -> tuple[list[Sample], bool]:
     samples = []
     known = all(rows[0][1].get("place") for rows in by_image.values())
     for name, rows in by_image.items():
+        openings, leaves = [], []
         for where, row in rows:
             if row["state"] not in BOX_STATES:
                 raise UserError(
                     f"{where}: expected a state of open, semi, closed, got '{row['state']}'"
                 )
-        states = {row["state"] for _, row in rows}
-        state = next(s for s in BOX_STATES if s in states)
-        openings, leaves = [], []
-        for where, row in rows:
             left, top, right, bottom = (number(row, side, where) for side in sides)
             if left is None or right is None or not 0 <= left < right <= 1:
                 raise UserError(
@@ -346,6 +332,8 @@ def _read_boxes(path: Path) -> tuple[list[Sample], bool]:
                 openings.append(Marked(left * width - 0.5, right * width - 0.5))
             elif top is not None and bottom is not None:
                 leaves.append((left, top, right, bottom))
+        states = {row["state"] for _, row in rows}
+        state = next(s for s in BOX_STATES if s in states)
         place = rows[0][1].get("place") if known else None
         samples.append(
             Sample(
