@@ -10,6 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from doorway3ds.draw.words import help_page
+from doorway3ds.types import Reason
+
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [
     ROOT / "CONTRIBUTING.md",
@@ -99,3 +102,9 @@ def test_the_python_files_that_the_documentation_names_exist() -> None:
     assert [
         (page, name) for page, name in named if not any((r / name).is_file() for r in roots)
     ] == []
+
+
+def test_each_reason_has_a_section_that_the_outputs_link_to() -> None:
+    page, _, _ = help_page().partition("#")
+    headings = re.findall(r"^## (.+)$", (ROOT / page).read_text(), re.MULTILINE)
+    assert [help_page(reason) for reason in Reason] == [f"{page}#{name}" for name in headings]

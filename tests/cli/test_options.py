@@ -65,7 +65,7 @@ def test_the_camera_and_the_log_have_the_same_names(cli: Cli, command: str, name
 def test_a_mirrored_run_is_replayed_mirrored(cli: Cli, command: str) -> None:
     assert cli(command, "photo.jpg", *NET, "--log", "a", "--mirror").status == 0
     assert read_log(Path("a"))[0]["network"] == "net.onnx, mirrored average"
-    assert cli("replay", "a").err == "1 of 1 decisions are the same\n"
+    assert cli("replay", "a").err == "1 of 1 decisions are the same; reasons: docs/reasons.md\n"
 
 
 class Truth:

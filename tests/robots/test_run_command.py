@@ -31,7 +31,7 @@ def test_without_move_it_only_says(cli: Any) -> None:
 def test_a_replay_gives_the_same_decisions_and_another_method_does_not(cli: Any) -> None:
     cli("run", "photo.jpg", "--network", "net.onnx", "--log", "a")
     ran = cli("replay", "a")
-    assert (ran.status, ran.err) == (0, "1 of 1 decisions are the same\n")
+    assert (ran.status, ran.err) == (0, "1 of 1 decisions are the same; reasons: docs/reasons.md\n")
     assert cli("replay", "a", "--method", "paper").status == 1
 
 

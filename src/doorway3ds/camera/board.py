@@ -82,7 +82,7 @@ def find_corners(image: NDArray[np.uint8], board: Board) -> tuple[Corners, Corne
     return points, np.asarray(corners, np.float32).reshape(-1, 2)
 
 
-def _charuco(board: Board) -> Any:
+def charuco_of(board: Board) -> Any:
     """OpenCV's board; UserError if it has no such dictionary, or too few markers in it."""
     import cv2
 
@@ -97,7 +97,7 @@ def _charuco(board: Board) -> Any:
     if needs > has:
         raise UserError(
             f"a board of {board.columns}x{board.rows} squares needs {needs} markers and "
-            f"{board.dictionary} has {has}; take a larger --dictionary or a smaller --board"
+            f"{board.dictionary} has {has}; take a larger dictionary or a smaller board"
         )
     return cv2.aruco.CharucoBoard(
         (board.columns, board.rows), board.square_m, float(board.marker_m or 0), markers
@@ -107,7 +107,7 @@ def _charuco(board: Board) -> Any:
 def _charuco_corners(grey: NDArray[Any], board: Board) -> tuple[Corners, Corners] | None:
     import cv2
 
-    charuco = _charuco(board)
+    charuco = charuco_of(board)
     corners, ids, _, _ = cv2.aruco.CharucoDetector(charuco).detectBoard(grey)
     if ids is None or len(ids) < 6:
         return None
@@ -115,6 +115,12 @@ def _charuco_corners(grey: NDArray[Any], board: Board) -> tuple[Corners, Corners
     if min(np.ptp(points[:, 0]), np.ptp(points[:, 1])) == 0:
         return None  # one line of corners does not fix the board's pose
     return points, np.asarray(corners, np.float32).reshape(-1, 2)
+
+
+def print_lines(options: str) -> tuple[str, str]:
+    """What stands below a printed board. options: of the command line for this board."""
+    check = f"Print at 100 %: this line must measure {RULER_MM} mm. Then glue it to something flat."
+    return check, f"3ds calibrate webcam://0 {options}"
 
 
 def printable(board: Board, lines: tuple[str, ...]) -> bytes:
@@ -156,7 +162,7 @@ def _drawn(board: Board, side: int) -> NDArray[np.uint8]:
     """The board's squares, `side` dots each, 0 black and 255 white."""
     if board.marker_m is not None:
         size = (board.columns * side, board.rows * side)
-        return np.asarray(_charuco(board).generateImage(size), np.uint8)
+        return np.asarray(charuco_of(board).generateImage(size), np.uint8)
     y, x = np.mgrid[: board.rows + 1, : board.columns + 1]
     return np.kron((x + y) % 2 * 255, np.ones((side, side))).astype(np.uint8)
 

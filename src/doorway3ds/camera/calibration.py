@@ -15,6 +15,8 @@ from doorway3ds.camera.model import Camera, pixel_to_ray, ray_to_pixel
 from doorway3ds.errors import UserError
 
 MIN_PICTURES = 3
+GOOD_RMS_PX = 0.5  # per 640 columns; above it something moved, blurred or was not flat
+GOOD_COVERAGE = 0.5
 _FOLDS = 4
 _BY_SIMPLICITY = ("plumb_bob", "equidistant", "rational_polynomial")
 _AS_GOOD, _SAME_PX = 1.1, 0.02  # of the best model's held-out error, or this far from it
@@ -37,6 +39,21 @@ class Calibration:
     without_board: tuple[str, ...]
     coverage: float
     held_out_px: dict[str, float]
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Why not to rely on it, a line each."""
+        doubts = []
+        if self.rms_px > GOOD_RMS_PX * max(1.0, self.camera.width / 640):
+            doubts.append(
+                "the error is large; leave out the worst images and keep the board flat and still"
+            )
+        if self.coverage < GOOD_COVERAGE:
+            doubts.append(
+                f"the board covers {self.coverage:.0%} of the image over all images; "
+                "show it near the corners too, where lenses distort most"
+            )
+        return tuple(doubts)
 
 
 def calibrate(

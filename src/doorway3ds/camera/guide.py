@@ -13,7 +13,7 @@ from doorway3ds.camera.board import Board, BoardView, Corners, find_corners
 from doorway3ds.errors import UserError
 
 COLUMNS, ROWS = 4, 3
-FEWEST = 12
+FEWEST, MOST = 12, 60  # frames
 SPREAD = 1.5  # of the farthest board's distance to the nearest one's
 TILTS = ("left", "right", "up", "down")
 _TILTED_DEG = 15.0
@@ -53,14 +53,16 @@ class Sight:
 class Guide:
     """Takes frames in which the board is sharp, still and in a new place, until they suffice.
 
-    views: the frames taken. hint: what to do next, or what was wrong with the last frame.
+    views: the frames taken. verdict: what became of the last frame. seen: the board's corners in
+    it, (n, 2) pixels, or None.
     """
 
     def __init__(self, board: Board) -> None:
         self.board = board
         self.views: list[BoardView] = []
         self.size: tuple[int, int] | None = None
-        self.hint = "show the board"
+        self.verdict = "show the board"
+        self.seen: Corners | None = None
         self._sights: list[Sight] = []
         self._last: tuple[float, dict[bytes, NDArray[np.float32]]] | None = None
 
@@ -75,29 +77,42 @@ class Guide:
         self.size = (width, height)
         found = _look_for(image, self.board)
         if found is None:
-            self._last, self.hint = None, "no board in sight: all of it, in good light"
+            self._last = self.seen = None
+            self.verdict = "no board in sight: all of it, in good light"
             return False
         points, corners = found
+        self.seen = corners
         speed = self._speed(points, corners, stamp_s) / width
         if speed > _STILL_PER_S:
-            self.hint = "hold it still"
+            self.verdict = "hold it still"
             return False
         if _edge_px(image, corners) > _SHARP_PX * max(1.0, width / 640):
-            self.hint = "blurred: more light, or wait for the focus"
+            self.verdict = "blurred: more light, or wait for the focus"
             return False
         sight = _sight(points, corners, (width, height))
         if min((sight.unlike(s) for s in self._sights), default=math.inf) < _NEW:
-            self.hint = f"taken already; {self.missing}"
+            self.verdict = "taken already"
             return False
         if width > _LOOK_PX:
             found = find_corners(image, self.board)
             if found is None:
-                self.hint = "hold it still"
+                self.verdict = "hold it still"
                 return False
         self.views.append(BoardView(name, *found))
         self._sights.append(sight)
-        self.hint = f"taken; {self.missing}"
+        self.verdict = "taken"
         return True
+
+    @property
+    def done(self) -> bool:
+        """Whether no further frame is needed."""
+        return not self.missing or len(self.views) >= MOST
+
+    @property
+    def hint(self) -> str:
+        """What was wrong with the last frame, or what to do next."""
+        taken = self.verdict.startswith("taken")
+        return f"{self.verdict}; {self.missing}" if taken else self.verdict
 
     @property
     def zones(self) -> frozenset[int]:
@@ -141,6 +156,11 @@ class Guide:
         if not moved or stamp_s <= last[0]:
             return math.inf
         return float(np.mean(moved)) / (stamp_s - last[0])
+
+
+def incomplete(missing: str) -> str:
+    """What to say of a calibration by a guide that lacked something."""
+    return f"coverage is not complete; next would be: {missing}"
 
 
 def _look_for(image: NDArray[np.uint8], board: Board) -> tuple[Corners, Corners] | None:

@@ -157,6 +157,11 @@ def check_lens(camera: Camera, name: str) -> None:
 
 def write_camera_info(camera: Camera, path: str | Path) -> None:
     """Writes a ROS `camera_info` YAML that `read_camera_info` and ROS's camera drivers read."""
+    write_bytes(path, camera_info_of(camera).encode())
+
+
+def camera_info_of(camera: Camera) -> str:
+    """The text of a camera's `camera_info` YAML."""
     import yaml
 
     def matrix(rows: int, data: list[float]) -> dict[str, Any]:
@@ -173,5 +178,5 @@ def write_camera_info(camera: Camera, path: str | Path) -> None:
         "rectification_matrix": matrix(3, [1, 0, 0, 0, 1, 0, 0, 0, 1]),
         "projection_matrix": matrix(3, [fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0]),
     }
-    text = yaml.safe_dump(info, sort_keys=False, default_flow_style=None)
-    write_bytes(path, text.encode())
+    text: str = yaml.safe_dump(info, sort_keys=False, default_flow_style=None)
+    return text

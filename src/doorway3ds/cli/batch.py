@@ -11,7 +11,7 @@ import typer
 
 from doorway3ds.camera.options import CameraOptions
 from doorway3ds.cli.shared.options import expand
-from doorway3ds.cli.shared.output import say
+from doorway3ds.cli.shared.output import complain, say
 from doorway3ds.cli.shared.progress import CountedBar
 from doorway3ds.decide.options import DecideOptions
 from doorway3ds.errors import CallError, UserError
@@ -47,11 +47,14 @@ def batch(
     Example: 3ds batch recordings/ --out answers --report
 
     Exit status: 0 every image was answered, 1 some were not, 2 wrong call.
+
+    docs/reasons.md says what each reason asks you to do.
     """
     from doorway3ds.camera.choice import choose_camera
     from doorway3ds.decide.pipeline import build_pipeline
     from doorway3ds.images.codec import SUFFIXES
     from doorway3ds.lab.batch.items import count_items
+    from doorway3ds.lab.batch.lens import lens_doubt
     from doorway3ds.lab.batch.rows import counts
     from doorway3ds.lab.batch.run import Outcome, run_batch
     from doorway3ds.lab.batch.worker import Job
@@ -83,6 +86,8 @@ def batch(
         )
     if outcome == Outcome(0, 0, 0):
         raise UserError(f"no image in {', '.join(sources)}; expected {', '.join(sorted(SUFFIXES))}")
+    if outcome.answered and (doubt := lens_doubt(sources, job)) is not None:
+        complain(doubt)
     by_folder = counts(out)
     for where, count in by_folder.items():
         say(

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any
 from urllib.parse import urlsplit
 
 import typer
 
-from doorway3ds.camera.options import LensOptions
+from doorway3ds.camera.options import BoardOptions, LensOptions
 from doorway3ds.cli.shared.options import expand
 from doorway3ds.cli.shared.output import complain, quiet_decoders
 from doorway3ds.errors import CallError, UserError
-from doorway3ds.options import Options, setting
+from doorway3ds.options import setting
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -24,64 +22,12 @@ if TYPE_CHECKING:
     from doorway3ds.camera.board import Board
     from doorway3ds.camera.calibration import Calibration
     from doorway3ds.camera.guide import Guide
-    from doorway3ds.camera.model import Camera
 
 _MODELS = {
     "plumb_bob": "plumb_bob",
     "rational_polynomial": "rational_polynomial",
     "fisheye": "equidistant",
 }
-GOOD_RMS_PX = 0.5  # per 640 columns; above it something moved, blurred or was not flat
-GOOD_COVERAGE = 0.5
-
-
-@dataclass(frozen=True)
-class BoardOptions(Options):
-    """The board that is printed or seen."""
-
-    panel: ClassVar[str] = "Board"
-
-    board: str = setting(
-        "9x6",
-        "Columns x rows: inner corners of a chessboard, squares of a ChArUco board.",
-    )
-    square_mm: float = setting(25.0, "Side of a square.", low=0.1, high=10_000)
-    charuco: bool = setting(False, "Look for a ChArUco board.")
-    marker_mm: float | None = setting(
-        None, "Side of a ChArUco marker; default: 0.75 of the square.", low=0.1, high=10_000
-    )
-    dictionary: str = setting("DICT_4X4_50", "OpenCV's name of the ChArUco markers' dictionary.")
-
-    def pattern(self) -> Board:
-        """The board; CallError if there is none like that."""
-        from doorway3ds.camera.board import Board
-
-        size = re.fullmatch(r"(\d+)x(\d+)", self.board)
-        if size is None:
-            raise CallError(f"--board must be columns x rows, as in 9x6, got '{self.board}'")
-        if not self.charuco and self.marker_mm is not None:
-            raise CallError("--marker-mm belongs to a ChArUco board; add --charuco")
-        marker_mm = 0.75 * self.square_mm if self.marker_mm is None else self.marker_mm
-        try:
-            return Board(
-                int(size[1]),
-                int(size[2]),
-                self.square_mm / 1e3,
-                marker_mm / 1e3 if self.charuco else None,
-                self.dictionary,
-            )
-        except UserError as error:
-            raise CallError(str(error)) from error
-
-    def given(self) -> str:
-        """The options that a call needs for this board, as typed."""
-        words = f"--board {self.board} --square-mm {self.square_mm:g}"
-        if self.charuco:
-            words += " --charuco"
-            words += "" if self.marker_mm is None else f" --marker-mm {self.marker_mm:g}"
-            if self.dictionary != "DICT_4X4_50":
-                words += f" --dictionary {self.dictionary}"
-        return words
 
 
 @expand
@@ -192,30 +138,18 @@ def _is_source(name: str) -> bool:
 def _guided(uri: str, board: Board, name: str, model: str | None) -> Calibration:
     """Takes frames of a source until they suffice, it ends, or Ctrl-C."""
     from doorway3ds.camera.calibration import MIN_PICTURES, calibrate_views
-    from doorway3ds.camera.choice import default_camera
-    from doorway3ds.camera.guide import Guide
+    from doorway3ds.camera.guide import Guide, incomplete
     from doorway3ds.sources import SourceLost, open_source
 
     quiet_decoders()
-    made: list[Camera] = []
-
-    def sensor(width: int, height: int, focal_35mm: float | None) -> Camera:
-        # Off its middle, so that no turn leaves it the same.
-        made[:] = [replace(default_camera(width, height, focal_35mm), cx=width / 4, cy=height / 3)]
-        return made[0]
-
     guide = Guide(board)
-    with open_source(uri, camera=sensor) as source, _Shown(guide, source.name) as shown:
+    with open_source(uri) as source, _Shown(guide, source.name) as shown:
         source.notice = shown.say
         try:
             for number, frame in enumerate(source, 1):
-                if frame.camera != made[0]:
-                    raise UserError(
-                        f"{source.name} is turned upright by its metadata, and a camera file is of "
-                        "the sensor; film without rotation, or calibrate with still images"
-                    )
+                source.require_sensor()
                 shown.update(guide.look(f"frame {number}", frame.image, frame.stamp_s))
-                if not guide.missing:
+                if guide.done:
                     break
         except KeyboardInterrupt:
             pass  # with what there is
@@ -229,7 +163,7 @@ def _guided(uri: str, board: Board, name: str, model: str | None) -> Calibration
             f"needed; of the last one: {guide.hint}; check --board, too"
         )
     if guide.missing:
-        complain(f"coverage is not complete; next would be: {guide.missing}")
+        complain(incomplete(guide.missing))
     return calibrate_views(guide.views, guide.size, name, model)
 
 
@@ -302,13 +236,12 @@ def _watched() -> bool:
 
 
 def _print_board(board: Board, options: str, path: Path) -> None:
-    from doorway3ds.camera.board import RULER_MM, printable
+    from doorway3ds.camera.board import print_lines, printable
     from doorway3ds.files import write_bytes
 
-    call = f"3ds calibrate webcam://0 {options}"
-    check = f"Print at 100 %: this line must measure {RULER_MM} mm. Then glue it to something flat."
-    write_bytes(path, printable(board, (check, call)))
-    typer.echo(f"wrote {path}; print it on A4 at 100 % and check its ruler, then: {call}")
+    lines = print_lines(options)
+    write_bytes(path, printable(board, lines))
+    typer.echo(f"wrote {path}; print it on A4 at 100 % and check its ruler, then: {lines[-1]}")
 
 
 def _report(found: Calibration, out: Path) -> None:
@@ -331,13 +264,8 @@ def _report(found: Calibration, out: Path) -> None:
         f"fx {camera.fx:.1f} fy {camera.fy:.1f} cx {camera.cx:.1f} cy {camera.cy:.1f}, "
         f"field of view {camera.hfov_deg:.1f} x {camera.vfov_deg:.1f} deg"
     )
-    if found.rms_px > GOOD_RMS_PX * max(1.0, camera.width / 640):
-        complain("the error is large; leave out the worst images and keep the board flat and still")
-    if found.coverage < GOOD_COVERAGE:
-        complain(
-            f"the board covers {found.coverage:.0%} of the image over all images; "
-            "show it near the corners too, where lenses distort most"
-        )
+    for doubt in found.doubts:
+        complain(doubt)
     typer.echo(f"wrote {out}")
 
 

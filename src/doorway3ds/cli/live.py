@@ -96,8 +96,6 @@ def live(
         pace = panelled and not any((out, log, bag, rerun))
     quiet_decoders()
 
-    from doorway3ds.camera.choice import choose_camera
-    from doorway3ds.live.lens import LensWatch
     from doorway3ds.live.session import Session
     from doorway3ds.robots.loop import LoopParams
 
@@ -138,9 +136,6 @@ def live(
             named += [] if robot is None else [f"robot {robot}"]
             watch.panel = stack.enter_context(Panel(" · ".join(named), found))
         found.notice = watch.panel.say if watch.panel else complain
-        if choose_camera(camera).given:
-            lens = LensWatch(found.notice)
-            keep.append(lambda update, _: lens.offer(update.raw.frame))
         stack.enter_context(session)
         if driver is None:
             watch.all(frames)

@@ -179,8 +179,7 @@ class _Job:
         if self.viewer is not None:
             self.viewer.add(decision)
         self.files.write(image, decision)
-        if self.choice.given:
-            self.lens.look(decision.frame.image, decision.frame.camera)
+        self.lens.look(decision.frame.image, decision.frame.camera)
 
 
 @dataclass(frozen=True)

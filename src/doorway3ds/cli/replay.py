@@ -38,8 +38,11 @@ def replay(
 
     Exit status: 0 all decisions are the same, 1 some differ or the run cannot be read.
 
+    docs/reasons.md says what each reason asks you to do.
+
     Example: 3ds replay 3ds-run-20261128-101500 --method paper
     """
+    from doorway3ds.draw.words import help_page
     from doorway3ds.robots.runlog import differences, looks, read_log
 
     events = read_log(run)
@@ -61,7 +64,7 @@ def replay(
                 sys.stdout.write(f"{before}; now {_short(now)} (differs: {', '.join(names)})\n")
             else:
                 sys.stdout.write(f"{before}; the same\n")
-    say(f"{total - changed} of {total} decisions are the same")
+    say(f"{total - changed} of {total} decisions are the same; reasons: {help_page()}")
     if events[-1]["event"] != "end":
         say("the run has no end: it was cut off")
     if changed:

@@ -74,6 +74,7 @@ def run(
     with ExitStack() as stack:
         stack.enter_context(ended_by_sigterm())
         found = stack.enter_context(open_eyes(source, camera))
+        found.notice = tell
         pipeline = pipeline_for(found, decide)
         driver = stack.enter_context(driver_of(robot, found, motion))
         record = stack.enter_context(logged(log, decide, pipeline, found, driver))

@@ -29,6 +29,11 @@ def counted(number: int, thing: str) -> str:
     return f"{number} {thing}{'' if number == 1 else 's'}"
 
 
+def help_page(reason: Reason | None = None) -> str:
+    """Where the documentation explains a reason, or all of them."""
+    return "docs/reasons.md" + ("" if reason is None else f"#{reason}")
+
+
 def _metres(distance_m: float | None) -> str | None:
     if distance_m is None or not math.isfinite(distance_m):
         return None

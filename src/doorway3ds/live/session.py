@@ -12,6 +12,7 @@ from doorway3ds.camera.model import Camera, Pose, wrapped_deg
 from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.live.eyes import Eyes, Update
 from doorway3ds.live.feed import Feed
+from doorway3ds.live.lens import LensWatch
 from doorway3ds.live.track import TrackerParams
 from doorway3ds.live.tracker import Tracker
 from doorway3ds.sources import Source, open_source
@@ -54,6 +55,8 @@ class Session(Eyes):
     ahead: threads, as of a `Feed`; default: 2, of a live source 1; with 0 it looks when asked.
     heading: the robot's, in degrees, + left, if one turns under the camera; None: unknown now.
     clock: of the frames' stamps.
+    lens: compare a few frames with the camera's focal length, in a thread of its own; the source's
+        `notice` is called once if they contradict it.
     """
 
     def __init__(
@@ -65,9 +68,11 @@ class Session(Eyes):
         heading: Callable[[], float | None] = lambda: None,
         owns: bool = False,
         clock: Callable[[], float] = time.monotonic,
+        lens: bool = True,
     ) -> None:
         super().__init__(clock)
         self.source = source
+        self._lens = LensWatch(lambda line: source.notice(line)) if lens else None
         self._setup = _Setup(pipeline, _tracker(pipeline), _as_it_is)
         self._heading = heading
         self._headed_deg: float | None = None
@@ -81,6 +86,11 @@ class Session(Eyes):
     @property
     def pipeline(self) -> Pipeline:
         return self._setup.pipeline
+
+    @property
+    def doubt(self) -> str | None:
+        """Why the camera's focal length is in doubt, in one line, or None."""
+        return None if self._lens is None else self._lens.doubt
 
     @property
     def ended(self) -> bool:
@@ -113,6 +123,8 @@ class Session(Eyes):
             tracked = self._memory.update(decision, self._turned_deg())
             number = 1 if self._last is None else self._last.number + 1
             self._last = Update(number, seen.name, tracked)
+            if self._lens is not None:
+                self._lens.offer(seen.frame)
             return self._last
         if self.source.live and self.silent:
             return self._without_picture(self._clock())
@@ -130,6 +142,8 @@ class Session(Eyes):
         """Ends the threads, and closes the source if it is the session's own."""
         self.stop()
         self._feed.close()
+        if self._lens is not None:
+            self._lens.close()
         if self._owns:
             self.source.close()
 

@@ -15,7 +15,7 @@ from doorway3ds.camera.model import Pose
 from doorway3ds.decide.options import DecideOptions
 from doorway3ds.decide.pipeline import build_pipeline
 from doorway3ds.draw.space import chosen
-from doorway3ds.draw.words import sentence
+from doorway3ds.draw.words import help_page, sentence
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.live.eyes import Update
 from doorway3ds.live.session import Session
@@ -317,7 +317,10 @@ class DoorwayNode:
             facts["camera"] = raw.frame.camera.name
             facts["camera assumed"] = raw.frame.camera.assumed
             facts["reason"] = update.decision.reason
+            facts["help"] = help_page(update.decision.reason)
             facts["network ms"] = round(raw.timings_ms.get("network", 0.0), 1)
+        if self._session.doubt is not None:
+            facts["camera doubt"] = self._session.doubt
         problem = source.problem
         if problem is None and infos >= 5 and images < infos / 2:
             # A camera sends one with each image.

@@ -99,6 +99,7 @@ class Source(ABC):
     skipped: frames that came and were not handed out.
     damaged: images that could not be decoded.
     reconnects: how often the connection was made again.
+    orientation: EXIF 1 to 8, by which the last frame was turned upright.
     frame_name: what the last frame is called: a file of a folder, else `name`.
     problem: why no image arrives at the moment, in words, or None.
     ended: no further frame will come.
@@ -118,6 +119,7 @@ class Source(ABC):
         self.skipped = 0
         self.damaged = 0
         self.reconnects = 0
+        self.orientation = 1
         self.problem: str | None = None
         self.ended = False
         self.truth: Network | None = None
@@ -134,6 +136,14 @@ class Source(ABC):
     @abstractmethod
     def close(self) -> None:
         """Releases everything; may be called twice. Ends an iteration in another thread."""
+
+    def require_sensor(self) -> None:
+        """UserError if its frames are not as the sensor delivered them."""
+        if self.orientation != 1:
+            raise UserError(
+                f"{self.name} is turned upright by its metadata, and a camera file is of the "
+                "sensor; film without rotation, or calibrate with still images"
+            )
 
     def __iter__(self) -> Self:
         return self

@@ -82,10 +82,10 @@ class LiveSource(Source):
             raise SourceLost(self._lost(str(error))) from error
 
     def _frame(self, shot: Shot) -> Frame:
-        image, orientation, focal_35mm = shot.image, 1, None
+        image, focal_35mm = shot.image, None
         if isinstance(image, bytes):
             picture = read_image(image, name=f"an image of {self.name}")
-            image, orientation = picture.image, picture.orientation
+            image, self.orientation = picture.image, picture.orientation
             focal_35mm = picture.focal_35mm
         return self._view.frame(
             image,
@@ -93,7 +93,7 @@ class LiveSource(Source):
             focal_35mm=focal_35mm,
             camera=shot.camera,
             pose=shot.pose,
-            orientation=orientation,
+            orientation=self.orientation,
             sent=shot.sent,
         )
 

@@ -62,6 +62,7 @@ class Stills(Source):
             try:
                 picture = read_image(path)
                 frame = self._view.of_picture(picture, stamp_s)
+                self.orientation = picture.orientation
             except UserError as error:
                 self._leave_out(path, error)
                 continue
@@ -122,6 +123,7 @@ class StreamOfImages(Source):
             try:
                 picture = read_image(data, name=name)
                 frame = self._view.of_picture(picture, stamp_s)
+                self.orientation = picture.orientation
             except UserError as error:
                 self.damaged += 1
                 self.notice(str(error))

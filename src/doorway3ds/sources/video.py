@@ -57,7 +57,7 @@ class VideoFile(Source):
         self._length_s = self._announced / rate if sound else 0.0
         self.fps = rate if sound and rate <= _HIGHEST_FPS else self._measured_fps()
         self._period_s = 1 / self.fps
-        self._aspect, self._turned = pixel_aspect(self._film), orientation(self._film)
+        self._aspect, self.orientation = pixel_aspect(self._film), orientation(self._film)
         self._number = 0
         self._begun_s, self._last_s = 0.0, -self._period_s
         self._pending: float | None = None
@@ -112,7 +112,7 @@ class VideoFile(Source):
                     return self._view.frame(
                         square(image, self._aspect),
                         stamp_s,
-                        orientation=self._turned,
+                        orientation=self.orientation,
                         sent=(width, height),
                     )
         return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -25,6 +26,7 @@ from doorway3ds.lab.batch import rows as rows_module  # noqa: E402
 from doorway3ds.lab.batch.items import Item  # noqa: E402
 from doorway3ds.lab.batch.rows import SCHEMA, DataSet, unanswered  # noqa: E402
 
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 NET = ("--network", "net.onnx", "--workers", "2")
 
 
@@ -261,3 +263,16 @@ def test_ray_gives_the_same_rows(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> N
         row["image"] = row["image"].removeprefix(here)
         row["error"] = row["error"] and row["error"].replace(here, "")
     assert theirs == mine
+
+
+def test_a_camera_that_contradicts_the_room_is_warned_of_once(cli: Cli) -> None:
+    Path("in").mkdir()
+    for name in ("a.jpg", "b.jpg"):
+        shutil.copy(EXAMPLES / "doorway.jpg", Path("in", name))
+    wrong = cli("batch", "in", "--out", "out", "--fov-deg", "80", *NET)
+    assert wrong.status == 0
+    assert wrong.err.count("has a focal length of 381 px") == 1
+    again = cli("batch", "in", "--out", "out", "--fov-deg", "80", *NET)
+    assert "focal length" not in again.err  # nothing was decided
+    right = cli("batch", "in", "--out", "right", "--camera", "pepper-top", *NET)
+    assert "focal length" not in right.err

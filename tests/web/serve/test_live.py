@@ -6,16 +6,20 @@ import json
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import httpx
 import numpy as np
 import pytest
 
+from doorway3ds.camera.model import Camera
 from doorway3ds.images.codec import read_image
 from doorway3ds.sources.base import Source, SourceLost, View
 from doorway3ds.types import Frame
 from tests.factories import scene
 from tests.web.conftest import Serve, Served, wait_for
+
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 
 
 class Tap(Source):
@@ -33,6 +37,9 @@ class Tap(Source):
             return None
         if self.lost:
             raise SourceLost("the tap is dry")
+        return self.frame()
+
+    def frame(self) -> Frame:
         return View().frame(scene(160, 120), time.monotonic())
 
     def close(self) -> None:
@@ -121,6 +128,26 @@ def test_a_live_source_that_stalls_says_so_and_the_doorway_is_lost(serve: Serve)
     assert served.client.get("/healthz").json()["status"] == "degraded"
     tap.wanted.release()
     wait_for(lambda: served.client.get("/healthz").json()["status"] == "ok")
+
+
+def test_a_camera_that_contradicts_the_room_is_warned_of(
+    serve: Serve, tap: Tap, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("doorway3ds.live.lens._EVERY_S", 0.0)
+    room = read_image(EXAMPLES / "doorway.jpg").image
+    camera = Camera.from_fov(640, 480, 80)
+    monkeypatch.setattr(tap, "frame", lambda: View(camera).frame(room, time.monotonic()))
+    served = serve(source=("tap", lambda: tap))
+    with served.client.stream("GET", "/v1/stream") as answer:
+        warned = []
+        for kind, data in events(answer):
+            tap.wanted.release()
+            if kind == "source":
+                warned.append(data["warning"])
+            if warned[-1:] != [None]:
+                break
+    assert None in warned and "has a focal length of 381 px" in warned[-1]
+    assert served.client.get("/v1/info").json()["source"]["warning"] == warned[-1]
 
 
 def test_a_source_that_is_gone_is_told_and_closed(served: Served, tap: Tap) -> None:

@@ -214,7 +214,7 @@ def test_the_api_is_shown_without_anything_from_elsewhere(
     page.open(shared.url, width)
     page.problems()
     page.driver.get(f"{shared.url}/docs")
-    page.until(lambda: page.run("return document.querySelectorAll('.route').length") == 9)
+    page.until(lambda: page.run("return document.querySelectorAll('.route').length") == 15)
     shown = str(page.run("return document.getElementById('post-/v1/decide').textContent"))
     for words in ("Decide on one image", "fov_deg", "number, 1 to 179", "turn_deg", "image/jpeg"):
         assert words in shown

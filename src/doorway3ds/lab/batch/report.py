@@ -8,6 +8,7 @@ from typing import Any
 
 import pyarrow.compute as pc
 
+from doorway3ds.draw.words import help_page
 from doorway3ds.errors import UserError
 from doorway3ds.images.codec import read_image
 from doorway3ds.lab.batch.items import Item, find_items
@@ -27,7 +28,8 @@ def write_batch_report(folder: Path, sources: list[str], facts: dict[str, str]) 
     Raises UserError if the folder holds no rows, cannot be written, or matplotlib is missing.
     """
     by_folder = counts(folder)
-    report = Report("Batch", {**facts, "images": str(sum(c.images for c in by_folder.values()))})
+    images = str(sum(c.images for c in by_folder.values()))
+    report = Report("Batch", {**facts, "images": images, "reasons": help_page()})
     report.tables.append(_table(by_folder))
     columns = ["image", "occurrence", "p_open", "bearing_deg", "range_m", "reason"]
     table = read_rows(folder, columns)

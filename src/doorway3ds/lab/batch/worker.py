@@ -34,6 +34,19 @@ class Job:
     annotate: Path | None = None
     depth: Path | None = None
 
+    def frame(self, item: Item, data: bytes) -> Frame:
+        """The frame of an item; data: its file, unused if it brings a frame of its own."""
+        if item.frame is not None:
+            frame = item.frame
+            return self.view.frame(frame.image, frame.stamp_s, camera=frame.camera, pose=frame.pose)
+        from doorway3ds.images.codec import read_image
+
+        picture = read_image(data, name=item.name)
+        try:
+            return self.view.of_picture(picture)
+        except UserError as error:
+            raise UserError(f"{item.name}: {error}") from error
+
 
 class Worker:
     """Answers chunks of items with one thread, so that several workers do not fight for cores."""
@@ -59,24 +72,11 @@ class Worker:
             digest = hashlib.sha256(data).hexdigest()
             if digest == known:
                 return None
-            decision = self._decide(self._frame(item, data))
+            decision = self._decide(self._job.frame(item, data))
         except UserError as error:
             return unanswered(item.name, item.occurrence, digest, str(error))
         self._draw(item, digest, decision)
         return answered(item.name, item.occurrence, digest, decision)
-
-    def _frame(self, item: Item, data: bytes) -> Frame:
-        view = self._job.view
-        if item.frame is not None:
-            frame = item.frame
-            return view.frame(frame.image, frame.stamp_s, camera=frame.camera, pose=frame.pose)
-        from doorway3ds.images.codec import read_image
-
-        picture = read_image(data, name=item.name)
-        try:
-            return view.of_picture(picture)
-        except UserError as error:
-            raise UserError(f"{item.name}: {error}") from error
 
     def _draw(self, item: Item, digest: str, decision: Decision) -> None:
         # The digest keeps images of one name in different folders apart.

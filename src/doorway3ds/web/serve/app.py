@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from fastapi import APIRouter
+
 from doorway3ds.sources.base import Source
 from doorway3ds.web.base.app import assemble
 from doorway3ds.web.base.shield import Shield
-from doorway3ds.web.serve import routes
+from doorway3ds.web.serve import calibrate, routes
 from doorway3ds.web.serve.choice import Pipelines
 from doorway3ds.web.serve.settings import Settings
 from doorway3ds.web.serve.state import ServeState
@@ -25,9 +27,12 @@ def create_app(
 
     Raises UserError if the network cannot be opened.
     """
+    router = APIRouter()
+    router.include_router(routes.router)
+    router.include_router(calibrate.router)
     return assemble(
         ServeState(settings, source, pipelines),
-        routes.router,
+        router,
         title="doorway3ds",
         summary="Open doorways, their direction and the way to them, from one image.",
     )

@@ -38,11 +38,11 @@ _CACHED = 16  # pipelines are small; what is large, the networks, is shared betw
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
-def _of(kind: type[Options], name: str, example: Any) -> Any:
+def of_option(kind: type[Options], name: str, example: Any, default: Any = None) -> Any:
     """A field that means what the option of that name does."""
     known = settings_of(kind)[name]
     return Field(
-        default=None, ge=known.low, le=known.high, description=known.help, examples=[example]
+        default=default, ge=known.low, le=known.high, description=known.help, examples=[example]
     )
 
 
@@ -51,7 +51,7 @@ class Fields(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    method: Literal["opening", "paper"] | None = _of(DecideOptions, "method", "opening")
+    method: Literal["opening", "paper"] | None = of_option(DecideOptions, "method", "opening")
     network: str | None = Field(
         default=None,
         max_length=120,
@@ -65,14 +65,14 @@ class Fields(BaseModel):
         "Default: the server's camera. Not together with `fov_deg`.",
         examples=["nao-v6-top"],
     )
-    fov_deg: Number | None = _of(CameraOptions, "fov_deg", 56.3)
-    height_m: Number | None = _of(CameraOptions, "height_m", 0.54)
-    pitch_deg: Number | None = _of(CameraOptions, "pitch_deg", -1.2)
-    roll_deg: Number | None = _of(CameraOptions, "roll_deg", 0.0)
-    width_m: Number | None = _of(DecideOptions, "width_m", 0.28)
-    max_unseen_m: Number | None = _of(DecideOptions, "max_unseen_m", 1.0)
-    aligned_deg: Number | None = _of(DecideOptions, "aligned_deg", 3.0)
-    mirror: bool | None = _of(DecideOptions, "mirror", True)
+    fov_deg: Number | None = of_option(CameraOptions, "fov_deg", 56.3)
+    height_m: Number | None = of_option(CameraOptions, "height_m", 0.54)
+    pitch_deg: Number | None = of_option(CameraOptions, "pitch_deg", -1.2)
+    roll_deg: Number | None = of_option(CameraOptions, "roll_deg", 0.0)
+    width_m: Number | None = of_option(DecideOptions, "width_m", 0.28)
+    max_unseen_m: Number | None = of_option(DecideOptions, "max_unseen_m", 1.0)
+    aligned_deg: Number | None = of_option(DecideOptions, "aligned_deg", 3.0)
+    mirror: bool | None = of_option(DecideOptions, "mirror", True)
     preset: str | None = Field(
         default=None,
         max_length=64,

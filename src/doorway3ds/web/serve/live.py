@@ -147,6 +147,16 @@ class Live:
         session.use(self._pipeline, adapt)
 
     @property
+    def doubt(self) -> str | None:
+        """Why the camera's focal length is in doubt, in one line, or None."""
+        return None if self._session is None else self._session.doubt
+
+    @property
+    def source(self) -> Source | None:
+        """The source, once it is open."""
+        return None if self._session is None else self._session.source
+
+    @property
     def skipped(self) -> int:
         return 0 if self._session is None else self._session.source.skipped
 
@@ -184,6 +194,7 @@ class Live:
                 Session(source, self._pipeline, ahead=1) as session,
             ):
                 self._session = session
+                source.notice = log.warning
                 if self.fields != Fields():  # changed meanwhile
                     self._adopt(session)
                 last = time.monotonic()

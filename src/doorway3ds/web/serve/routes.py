@@ -113,12 +113,6 @@ def _counted(state: ServeState, what: Literal["uploads", "streams"]) -> Iterator
         setattr(state, what, getattr(state, what) - 1)
 
 
-def _live(state: ServeState) -> Live:
-    if state.live is None:
-        raise ApiError(404, "no_source", "this server has no source; start it as: 3ds serve SOURCE")
-    return state.live
-
-
 @router.get(
     "/v1/stream",
     response_class=StreamingResponse,
@@ -138,17 +132,19 @@ async def stream(
     max_hz: Annotated[float, Query(gt=0, le=60, description="Decisions a second at most.")] = 30,
 ) -> Response:
     """Server-sent events. A client that reads slowly misses decisions; none comes late."""
-    live = _live(state)
+    live = state.require_live()
     if state.streams >= state.settings.limits.streams:
         raise busy("streams", 10)
 
     async def events() -> AsyncIterator[bytes]:
         seen: tuple[int, str] = (-1, "")
+        told: tuple[str, str | None] | None = None
         with _counted(state, "streams"):
             yield b"retry: 2000\n\n"
             while not state.closing.is_set():
                 now = (live.frames, live.state)
-                if now[1] != seen[1]:
+                if told != (now[1], live.doubt):
+                    told = (now[1], live.doubt)
                     yield _event("source", _source(live))
                 newest = live.newest
                 if newest is not None and newest.number > seen[0]:
@@ -210,7 +206,7 @@ async def frame_jpg(
         int | None, Query(ge=0, description="The frame of an event, while it is kept.")
     ] = None,
 ) -> Response:
-    snapshot = _snapshot(_live(state), frame)
+    snapshot = _snapshot(state.require_live(), frame)
     data = await state.work.run(lambda: snapshot.jpeg(style), _hang_up(request))
     return Response(data, media_type="image/jpeg", headers={"X-Frame": str(snapshot.number)})
 
@@ -223,7 +219,7 @@ async def frame_jpg(
 )
 async def newest_decision(state: State) -> Response:
     """For programs that ask when they need to know; those that follow use /v1/stream."""
-    live = _live(state)
+    live = state.require_live()
     return json_answer({"image": live.name, **_snapshot(live, None).to_dict()})
 
 
@@ -236,7 +232,7 @@ async def newest_decision(state: State) -> Response:
 async def change_source(state: State, fields: Annotated[SourceFields, Body()]) -> Response:
     """All settings at once; those left out are the server's own. Everybody who follows the source
     sees the change."""
-    live = _live(state)
+    live = state.require_live()
     await asyncio.to_thread(live.use, fields)
     return json_answer(_source(live))
 
@@ -246,6 +242,7 @@ def _source(live: Live) -> dict[str, Any]:
         "name": live.name,
         "state": live.state,
         "problem": live.problem,
+        "warning": live.doubt,
         "frames": live.frames,
         "skipped": live.skipped,
         "fields": live.fields.model_dump(exclude_none=True),
@@ -281,6 +278,7 @@ async def info(state: State) -> Response:
                 "in_flight": limits.in_flight,
             },
             "source": _source(state.live) if state.live else None,
+            "calibrating": state.calibration is not None,
             "link": settings.link,
         }
     )

@@ -93,6 +93,63 @@ class DecisionAnswer(BaseModel):
     view: dict[str, Any] | None = Field(default=None, description="Only if `view` was asked for.")
 
 
+class FramesAnswer(BaseModel):
+    taken: int
+    fewest: int = Field(description="From which number on it may be finished.")
+    wanted: int
+
+
+class ZonesAnswer(BaseModel):
+    columns: int
+    rows: int
+    covered: list[int] = Field(description="Zones of the image, row by row from 0.")
+
+
+class DistancesAnswer(BaseModel):
+    spread: float = Field(description="The farthest board's distance over the nearest one's.")
+    wanted: float
+
+
+class CalibratedAnswer(BaseModel):
+    rms_px: float = Field(description="Reprojection error over all corners.")
+    frames: int
+    coverage: float = Field(description="Fraction of the image inside all corners together.")
+    doubts: list[str] = Field(description="Why not to rely on it.")
+    held_out_px: dict[str, float] = Field(
+        description="By lens model, the error in frames that it was not fitted to."
+    )
+    name: str
+    model: str
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    hfov_deg: float
+    vfov_deg: float
+
+
+class CalibrationAnswer(BaseModel):
+    """A guided calibration; with `state` none, nothing but that."""
+
+    state: Literal["none", "taking", "computing", "done", "failed"]
+    problem: str | None = Field(default=None, description="Why it failed, or no frame comes.")
+    fields: dict[str, Any] = Field(default_factory=dict, description="The board and the name.")
+    frame: int | None = Field(default=None, description="The last one looked at.")
+    size: list[int] | None = Field(default=None, description="Width and height of the frames.")
+    seen: list[list[float]] | None = Field(
+        default=None, description="Outline of the board in that frame, [x, y] in pixels."
+    )
+    verdict: str | None = Field(default=None, description="What became of that frame.")
+    next: str | None = Field(default=None, description="What to show next; null: nothing.")
+    frames: FramesAnswer | None = None
+    zones: ZonesAnswer | None = None
+    tilts: dict[str, bool] | None = Field(default=None, description="Which ones were seen.")
+    distances: DistancesAnswer | None = None
+    result: CalibratedAnswer | None = None
+
+
 class NetworkAnswer(BaseModel):
     name: str
     methods: list[str]
@@ -108,6 +165,7 @@ class SourceAnswer(BaseModel):
     name: str
     state: SourceState
     problem: str | None
+    warning: str | None = Field(description="Why the camera's focal length is in doubt.")
     frames: int
     skipped: int
     fields: dict[str, Any] = Field(description="Its settings, if they are not the server's.")
@@ -123,6 +181,7 @@ class InfoAnswer(BaseModel):
     camera_given: bool = Field(description="The server was started with a camera.")
     limits: dict[str, float]
     source: SourceAnswer | None
+    calibrating: bool = Field(description="/v1/calibration has something to say.")
     link: str | None = Field(description="Where other devices reach the page, if they can.")
 
 

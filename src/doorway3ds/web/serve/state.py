@@ -8,7 +8,9 @@ from typing import cast
 from fastapi import Request
 
 from doorway3ds.sources.base import Source
+from doorway3ds.web.base.errors import ApiError
 from doorway3ds.web.base.state import ServerState, server_state
+from doorway3ds.web.serve.calibration import CalibrationRun
 from doorway3ds.web.serve.choice import Pipelines
 from doorway3ds.web.serve.live import Live
 from doorway3ds.web.serve.settings import Settings
@@ -28,6 +30,7 @@ class ServeState(ServerState):
         self.uploads = 0
         self.streams = 0
         self.live: Live | None = None
+        self.calibration: CalibrationRun | None = None
         super().__init__(
             settings,
             "index.html",
@@ -55,11 +58,21 @@ class ServeState(ServerState):
         super().end()
         if self.live is not None:
             self.live.release()
+        if self.calibration is not None:
+            self.calibration.cancel()
 
     def close(self) -> None:
         if self.live is not None:
             self.live.stop()
         super().close()
+
+    def require_live(self) -> Live:
+        """The source; ApiError 404 without one."""
+        if self.live is None:
+            raise ApiError(
+                404, "no_source", "this server has no source; start it as: 3ds serve SOURCE"
+            )
+        return self.live
 
     @property
     def source_state(self) -> str | None:

@@ -10,6 +10,10 @@ const SIGNS = {
   lost: "M50 24V56M50 77v.1",
   silent: "M28 50h.1M50 50h.1M72 50h.1",
   paused: "M38 28V72M62 28V72",
+  taking: "M22 36V22H36M64 22H78V36M78 64V78H64M36 78H22V64",
+  taken: "M26 52L43 69L75 33",
+  done: "M26 52L43 69L75 33",
+  failed: "M30 30L70 70M70 30L30 70",
   none: "M34 78V22h32v56M34 22l18 7v52l-18-3",
 };
 const SAID_AGAIN_S = 2;

@@ -54,12 +54,22 @@ export const annotate = async (blob, fields) =>
 
 export const frame = async (style, number) => {
   const signal = AbortSignal.timeout(FRAME_MS);
-  return (await ask(withFields("/v1/frame.jpg", { style, frame: number }), { signal })).blob();
+  const fields = typeof number === "number" ? { style, frame: number } : { style };
+  return (await ask(withFields("/v1/frame.jpg", fields), { signal })).blob();
 };
 
-export const changeSource = async (fields) =>
-  (await ask("/v1/source", {
-    method: "PUT",
-    body: JSON.stringify(fields),
-    headers: { "Content-Type": "application/json" },
-  })).json();
+const asJson = (method, fields) => ({
+  method,
+  body: JSON.stringify(fields),
+  headers: { "Content-Type": "application/json" },
+});
+
+export const changeSource = async (fields) => (await ask("/v1/source", asJson("PUT", fields))).json();
+
+const CALIBRATION = "/v1/calibration";
+
+export const calibration = async () => (await ask(CALIBRATION)).json();
+export const calibrate = async (fields) => (await ask(CALIBRATION, asJson("POST", fields))).json();
+export const finishCalibration = async () => (await ask(`${CALIBRATION}/finish`, { method: "POST" })).json();
+export const dropCalibration = async () => (await ask(CALIBRATION, { method: "DELETE" })).json();
+export const boardPdf = (fields) => withFields(`${CALIBRATION}/board.pdf`, fields);

@@ -1,6 +1,7 @@
 // Puts the page together: what is looked at, and what happens with each decision.
 import * as answer from "./answer.js";
 import * as api from "./api.js";
+import { Calibrate } from "./calibrate.js";
 import { Camera } from "./camera.js";
 import { prepareShare, prepareTheme } from "./chrome.js";
 import * as dial from "./dial.js";
@@ -20,6 +21,7 @@ const DECIDING_MS = 300; // before a picture on its way takes the place of the l
 const video = byId("video");
 const camera = new Camera(video);
 const source = new Source({ decision: showFrame, state: showState, problem: lose });
+const calibrate = new Calibrate();
 const watch = new Watch((reason) => lose(reason === "asleep" ? "This page was asleep." : silenceOf()));
 const now = { mode: "", frame: null, info: null, picture: null, request: null, source: null, paused: false };
 const pace = { last: 0, mean: 0 };
@@ -28,6 +30,7 @@ const welcome = {
   picture: ["Drop a picture of a room here, paste one, or choose a file.", "Choose a picture", "JPEG, PNG, WebP, TIFF or BMP. A photograph's EXIF focal length is used."],
   camera: ["Walk your phone or laptop through the room: it becomes the robot.", "Start the camera", "Pictures go to this server only and are not kept."],
   source: ["Waiting for the first picture of the source.", "", ""],
+  calibrate: ["Waiting for the first picture of the source.", "", ""],
 };
 
 let noteTimer = 0;
@@ -220,6 +223,8 @@ const GONE = { ended: "Ended", lost: "No answer", stopped: "No answer" };
 
 function showState(state) {
   now.source = state;
+  byId("warning").hidden = !state.warning;
+  byId("warning").textContent = asSentence(state.warning);
   const headline = GONE[state.state];
   if (headline) lose(state.state === "ended" ? "The source has ended." : silenceOf(), headline);
   else if (state.state === "waiting" && !now.frame) lose(silenceOf());
@@ -234,14 +239,17 @@ function setMode(mode) {
   modes.querySelector(`[value="${mode}"]`).checked = true;
   camera.stop();
   source.stop();
+  calibrate.stop();
   forget();
   resume();
   note("");
+  byId("warning").hidden = true;
   delete document.body.dataset.stale;
   answer.reset("Ready", welcome[mode][0]);
   empty();
   buttons();
   if (mode === "source") source.start();
+  if (mode === "calibrate") calibrate.start();
 }
 
 function buttons() {
@@ -328,8 +336,9 @@ async function begin() {
   if (now.info.source) {
     byId("mode-source").hidden = false;
     byId("mode-source").title = now.info.source.name;
+    byId("mode-calibrate").hidden = false;
   }
-  setMode(now.info.source ? "source" : "picture");
+  setMode(!now.info.source ? "picture" : now.info.calibrating ? "calibrate" : "source");
 }
 
 begin();

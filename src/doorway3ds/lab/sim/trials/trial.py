@@ -149,7 +149,7 @@ def play(
 
     driver = Driver(robot, move=True, clock=clock.now)
     report = TurnLoop(
-        Session(eyes, pipeline, ahead=0, clock=clock.now), driver, params,
+        Session(eyes, pipeline, ahead=0, clock=clock.now, lens=False), driver, params,
         tell=note, decided=lambda decision: watch(decision, world),
         clock=clock.now, sleep=clock.sleep,
     ).run()  # fmt: skip
