@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
 from itertools import islice
 
 from doorway3ds.camera.vanishing import FocalWatch
@@ -14,7 +13,7 @@ from doorway3ds.lab.batch.worker import Job
 _TRIED = 20  # items: those of an assumed camera, or that cannot be read, do not count
 
 
-def lens_doubt(sources: Sequence[str], job: Job) -> str | None:
+def lens_doubt(sources: list[str], job: Job) -> str | None:
     """Why the camera's focal length is in doubt by the first images, in one line, or None."""
     watch = FocalWatch()
     for item in islice(find_items(sources), _TRIED):

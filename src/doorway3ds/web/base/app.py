@@ -25,8 +25,8 @@ log = logging.getLogger(__name__)
 _CODES = {404: "not_found", 405: "method_not_allowed"}
 
 
-def assemble(state: ServerState, router: APIRouter, *, title: str, summary: str) -> Shield:
-    """An application of these routes and of those that every server has, behind the shield."""
+def assemble(state: ServerState, *routers: APIRouter, title: str, summary: str) -> Shield:
+    """An application of these routes and those that every server has, behind the shield."""
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
@@ -46,12 +46,12 @@ def assemble(state: ServerState, router: APIRouter, *, title: str, summary: str)
         redirect_slashes=False,
     )
     app.state.server = state
-    app.include_router(router)
-    app.include_router(routes.router)
+    for router in (*routers, routes.router):
+        app.include_router(router)
     _answer_errors(app)
     if state.access.token is not None:
         _ask_for_token(app)
-    paths = [getattr(route, "path", "") for r in (router, routes.router) for route in r.routes]
+    paths = [getattr(route, "path", "") for r in (*routers, routes.router) for route in r.routes]
     return Shield(app, state, frozenset([*paths, "/openapi.json"]))
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from fastapi import APIRouter
-
 from doorway3ds.sources.base import Source
 from doorway3ds.web.base.app import assemble
 from doorway3ds.web.base.shield import Shield
@@ -27,12 +25,10 @@ def create_app(
 
     Raises UserError if the network cannot be opened.
     """
-    router = APIRouter()
-    router.include_router(routes.router)
-    router.include_router(calibrate.router)
     return assemble(
         ServeState(settings, source, pipelines),
-        router,
+        routes.router,
+        calibrate.router,
         title="doorway3ds",
         summary="Open doorways, their direction and the way to them, from one image.",
     )
