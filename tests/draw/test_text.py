@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -101,3 +104,41 @@ def test_lines_keep_to_their_width_and_lose_no_word() -> None:
     short = wrap(words, 20, 260, max_lines=1)
     assert len(short) == 1
     assert short[0].endswith("…")
+
+
+STORM = """
+import signal, time
+from doorway3ds.draw.text import text_width
+
+def interrupt(number, frame):
+    while frame is not None:
+        if frame.f_code.co_name == "text_width":
+            raise KeyboardInterrupt
+        frame = frame.f_back
+
+text_width("started", 20.0)
+signal.signal(signal.SIGALRM, interrupt)
+signal.setitimer(signal.ITIMER_REAL, 0.0005, 0.0005)
+end, caught, number = time.monotonic() + 1.5, 0, 0
+while time.monotonic() < end:
+    number += 1
+    try:
+        text_width(str(number), 20.0)
+    except KeyboardInterrupt:
+        caught += 1
+signal.setitimer(signal.ITIMER_REAL, 0)
+print(caught)
+"""
+
+
+def test_a_signal_may_interrupt_text_at_any_time() -> None:
+    ran = subprocess.run([sys.executable, "-c", STORM], capture_output=True, text=True, timeout=60)
+    assert ran.returncode == 0, ran.stderr
+    assert int(ran.stdout) > 20
+
+
+def test_text_is_measured_in_a_forked_process_too() -> None:
+    width = text_width("before", 20.0)
+    with multiprocessing.get_context("fork").Pool(1) as pool:
+        forked = pool.apply_async(text_width, ("after", 20.0)).get(timeout=30)
+    assert forked == text_width("after", 20.0) != width

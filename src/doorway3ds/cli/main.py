@@ -69,7 +69,7 @@ def main() -> None:
         status = run(sys.argv[1:])
     except KeyboardInterrupt:
         status = 130
-    if not end_all(0) or "qi" in sys.modules:
+    if not end_all(1.0) or "qi" in sys.modules:
         # A driver that hangs, or a call that a robot never answered, would crash its thread while
         # Python ends; all is closed.
         for stream in (sys.stdout, sys.stderr):

@@ -7,13 +7,18 @@ drawn a few times larger and averaged down.
 from __future__ import annotations
 
 import math
+import os
 import threading
+from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, Literal
+from queue import SimpleQueue
+from typing import Any, Literal, TypeVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from doorway3ds.threads import Worker
 
 Image = NDArray[np.uint8]
 Color = tuple[int, int, int]
@@ -29,6 +34,53 @@ _WEIGHTS: dict[Weight, int] = {"regular": 400, "semibold": 600}
 _FINEST = 8  # times larger than wanted
 _KEPT = 128  # pixels; letters larger than that OpenCV shapes anew at every call
 _thread = threading.local()
+T = TypeVar("T")
+
+
+class _Aside:
+    """A thread that calls what it is handed, without a lock that an interrupt could leave shut."""
+
+    def __init__(self) -> None:
+        self._calls: SimpleQueue[tuple[Callable[[], object], SimpleQueue[Any]] | None]
+        self._calls = SimpleQueue()
+        Worker(self._run, "text", self._stop)
+
+    def _stop(self) -> None:
+        _aside.cache_clear()
+        self._calls.put(None)
+
+    def __call__(self, call: Callable[[], T]) -> T:
+        answers: SimpleQueue[tuple[T, BaseException | None]] = SimpleQueue()
+        self._calls.put((call, answers))
+        answer, error = answers.get()
+        if error is not None:
+            raise error
+        return answer
+
+    def _run(self) -> None:
+        while (job := self._calls.get()) is not None:
+            call, answers = job
+            try:
+                answers.put((call(), None))
+            except BaseException as error:
+                answers.put((None, error))
+
+
+_aside = lru_cache(maxsize=1)(_Aside)
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_aside.cache_clear)  # the thread stays with the parent
+
+
+def _apart(call: Callable[[cv2.FontFace], T]) -> T:
+    """`call(font)`, never in the main thread.
+
+    OpenCV 5 tries the overloads of its text functions by their errors, and reading such an error
+    lets Python handle signals, in the main thread alone: a handler that raises there, such as
+    that of Ctrl-C, makes OpenCV read from address 8.
+    """
+    if threading.current_thread() is threading.main_thread():
+        return _aside()(lambda: call(_face()))
+    return call(_face())
 
 
 def _face() -> cv2.FontFace:
@@ -51,12 +103,14 @@ def _enlarged(size: float) -> tuple[int, int]:
     return times, max(1, round(pixels * times))
 
 
+@lru_cache(maxsize=1024)
 def _advance(text: str, pixels: int, weight: Weight) -> int:
     """From the pen's start to its end in pixels of the enlarged line; `text` is printable."""
     if not text:
         return 0
     # The box reaches one pixel beyond the pen.
-    box = cv2.getTextSize((0, 0), text, (0, 0), _face(), pixels, _WEIGHTS[weight])
+    weighs = _WEIGHTS[weight]
+    box = _apart(lambda face: cv2.getTextSize((0, 0), text, (0, 0), face, pixels, weighs))
     return int(box[2]) - 1
 
 
@@ -75,7 +129,8 @@ def _coverage(text: str, size: float, weight: Weight) -> NDArray[np.uint8]:
     height = baseline + math.ceil(_BELOW * size)
     fine = np.zeros((height * times, width * times), np.uint8)
     at = (left * times, baseline * times)
-    cv2.putText(fine, text, at, (255,), _face(), pixels, _WEIGHTS[weight])
+    weighs = _WEIGHTS[weight]
+    _apart(lambda face: cv2.putText(fine, text, at, (255,), face, pixels, weighs))
     small = np.asarray(cv2.resize(fine, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
     small.setflags(write=False)
     return small
