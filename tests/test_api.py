@@ -116,6 +116,8 @@ def test_from_dict_undoes_to_dict(tmp_path: Path, method: str, p_open: float) ->
     assert str(d3.Decision.from_dict(kept)).partition(" · ")[0].endswith(f"{answer['p_open']:.2f}")
     with pytest.raises(ValueError, match="not whole"):
         d3.Decision.from_dict({**kept, "openings": [{"left_deg": 1.0}]})
+    with pytest.raises(ValueError, match="needs a reason, got only p_open"):
+        d3.Decision.from_dict({"p_open": 0.5})
 
 
 def test_each_decides_in_order_and_goes_on_after_an_error(decide: Pipeline) -> None:

@@ -288,8 +288,13 @@ class Decision:
             A decision whose `to_dict` is `answer`, but for the image's name.
 
         Raises:
-            ValueError: for a reason that does not exist, or an opening that is not whole.
+            ValueError: for a reason that is missing or does not exist, or an opening that is not
+                whole.
         """
+        if "reason" not in answer:
+            raise ValueError(
+                f"a decision needs a reason, got only {', '.join(answer) or 'nothing'}"
+            )
         camera = answer.get("camera") or {"name": "unknown", "assumed": True}
         openings = answer.get("openings") or ()
         try:
