@@ -157,7 +157,7 @@ def classifier(
     scored = {name: scores.score(r, threshold, report.repeats) for name, r in records.items()}
     result = {
         "task": "classifier",
-        "runs": [{"network": name, **s.to_dict()} for name, s in scored.items()],
+        "runs": [{"network": name, **vars(s)} for name, s in scored.items()],
     }
     page = _page("Classifier", dataset, left_out, [pages.classifier_table(scored)])
     if report.out is not None:
@@ -235,7 +235,7 @@ def overview(
     for part in tables.held_sets(datasets, tables.read_held(held_out)):
         rows += tables.compare(part, names, load, preset, repeats, sheets, _progress)
     if json_file is not None:
-        write_numbers(json_file, {"rows": [row.to_dict() for row in rows]})
+        write_numbers(json_file, {"rows": rows})
     if str(json_file) != "-":
         typer.echo(tables.table(rows), nl=False)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -106,7 +105,7 @@ def qualify(
                 count.clear()
                 comparison = compare_answers(pictures, answers[0], answers[1], repeats, seed)
                 verdict = judge(comparison, 0.0)  # depth is not stored
-                _print(comparison, {"held_out": comparison.to_dict(), **asdict(verdict)}, json_file)
+                _print(comparison, {"held_out": comparison, **vars(verdict)}, json_file)
                 word = "better" if verdict.better else "not better"
                 _tell(f"{word}: {verdict.why}; depth is not compared", json_file)
                 return
@@ -141,8 +140,8 @@ def qualify(
     if report is not None:
         from doorway3ds.lab.evaluate.report.html import write_report
 
-        say(f"wrote {write_report(done.page(card), report, outcome.plain(card))}")
-    _print(done.comparison, outcome.plain(card), json_file)
+        say(f"wrote {write_report(done.page(card), report, card)}")
+    _print(done.comparison, card, json_file)
     if done.verdict.better:
         _tell(f"better: {done.verdict.why}", json_file)
         _tell(f"wrote {out}; to use it: 3ds look --network {out} photo.jpg", json_file)

@@ -4,6 +4,7 @@ import pytest
 
 from doorway3ds.lab.evaluate import classifier
 from doorway3ds.lab.evaluate.classifier import ClassifierRecord
+from doorway3ds.lab.evaluate.intervals import plain
 
 
 def records():
@@ -21,23 +22,23 @@ def test_scores_by_hand():
     scored = classifier.score(records(), repeats=100)
     c = scored.confusion
     assert (c.tp, c.fp, c.tn, c.fn) == (2, 1, 2, 1)  # 0.5 counts as open
-    assert scored.by_place["accuracy"].value == pytest.approx(4 / 6)
-    assert scored.by_place["auc"].value == pytest.approx(7 / 9)
+    assert scored.metrics["accuracy"].value == pytest.approx(4 / 6)
+    assert scored.metrics["auc"].value == pytest.approx(7 / 9)
     assert scored.wilson["sensitivity"].n == 3
     assert scored.places == 3
 
 
 def test_each_kind_of_negative_has_its_own_rate():
-    scored = classifier.score(records(), repeats=0)
-    assert set(scored.false_open) == {"window", "mirror"}
-    assert (scored.false_open["window"].value, scored.false_open["window"].n) == (0.5, 2)
-    assert scored.false_open["mirror"].value == 0
+    kinds = classifier.score(records(), repeats=0).false_open_by_kind
+    assert set(kinds) == {"window", "mirror"}
+    assert (kinds["window"].value, kinds["window"].n) == (0.5, 2)
+    assert kinds["mirror"].value == 0
 
 
 def test_one_class_alone_leaves_the_rest_unknown():
     scored = classifier.score(records()[:3], repeats=0)
-    assert math.isnan(scored.by_place["auc"].value)
-    assert scored.to_dict()["metrics"]["auc"]["value"] is None
+    assert math.isnan(scored.metrics["auc"].value)
+    assert plain(scored)["metrics"]["auc"]["value"] is None
 
 
 def test_an_unknown_probability_is_refused():

@@ -55,9 +55,9 @@ def test_mean_over_pictures_and_over_pixels_differ_as_they_should():
     small = depth.compare("a", "1", np.full((1, 1), 3.0), np.full((1, 1), 2.0, np.float32))
     large = depth.compare("b", "2", np.full((1, 8), 2.0), np.full((1, 8), 2.0, np.float32))
     scored = depth.score([small, large], repeats=0)
-    assert scored.mean["rmse"].value == 0.5
+    assert scored.metrics["rmse"].value == 0.5
     assert scored.pooled["rmse"] == pytest.approx(1 / 3)  # sqrt((1 * 1 + 8 * 0) / 9)
-    assert scored.mean["delta1"].value == 0.5
+    assert scored.metrics["delta1"].value == 0.5
     assert scored.pooled["delta1"] == pytest.approx(8 / 9)
 
 
@@ -66,7 +66,7 @@ def test_a_picture_without_known_depth_is_left_out():
     exact = depth.compare("b", "2", np.ones((1, 1)), np.ones((2, 2), np.float32))
     scored = depth.score([nothing, exact], repeats=0)
     assert scored.pictures == 1
-    assert scored.mean["delta1"].value == 1
+    assert scored.metrics["delta1"].value == 1
 
 
 def test_maps_are_resized_by_pixel_centres():

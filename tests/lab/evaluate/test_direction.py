@@ -19,7 +19,7 @@ def record(openings=(), listed=(), reason="turn", p_open=0.9, clear=None, name="
 
 def values(records):
     scored = direction.score(records, repeats=0)
-    return {name: interval.value for name, interval in scored.values.items()}
+    return {name: interval.value for name, interval in scored.metrics.items()}
 
 
 def test_scores_by_hand():
@@ -129,7 +129,7 @@ def test_a_doorway_that_nobody_marked_counts_for_p_open_alone(is_open):
     alone = direction.score(known, repeats=0)
     scored = direction.score([*known, *unmarked], repeats=0)
     assert (scored.pictures, scored.doorway_pictures) == (5, 1)
-    for name, expected in alone.values.items():
+    for name, expected in alone.metrics.items():
         if name != "auc" or is_open is None:
             found = scored[name]
             assert found.n == expected.n, name

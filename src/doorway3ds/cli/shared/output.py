@@ -24,12 +24,13 @@ def complain(message: str) -> None:
 
 def write_numbers(path: Path, numbers: Any) -> None:
     """Numbers as JSON, to standard output if the path is -."""
-    if str(path) == "-":
-        sys.stdout.write(json.dumps(numbers, allow_nan=False) + "\n")
-        return
+    from doorway3ds.lab.evaluate.intervals import plain
     from doorway3ds.lab.evaluate.report.html import write_json
 
-    write_json(path, numbers)
+    if str(path) == "-":
+        sys.stdout.write(json.dumps(plain(numbers), allow_nan=False) + "\n")
+    else:
+        write_json(path, numbers)
 
 
 class OutputLost(Exception):

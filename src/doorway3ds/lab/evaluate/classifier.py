@@ -32,35 +32,19 @@ class ClassifierRecord:
 
 @dataclass(frozen=True)
 class ClassifierMetrics:
-    """Scores at `threshold`. wilson: shares as of independent pictures; by_place: intervals by
-    resampled places; false_open: share of each kind of negative that is called open (Wilson).
+    """Scores at `threshold`. wilson: shares as of independent pictures; metrics: intervals by
+    resampled places; false_open_by_kind: share of each kind of negative that is called open
+    (Wilson).
     """
 
-    threshold: float
     pictures: int
     places: int
+    threshold: float
     confusion: Confusion
+    metrics: Mapping[str, Interval]
     wilson: Mapping[str, Interval]
-    by_place: Mapping[str, Interval]
+    false_open_by_kind: Mapping[str, Interval]
     calibration: Calibration
-    false_open: Mapping[str, Interval]
-
-    def to_dict(self) -> dict[str, Any]:
-        c = self.confusion
-        return {
-            "pictures": self.pictures,
-            "places": self.places,
-            "threshold": self.threshold,
-            "confusion": {"tp": c.tp, "fp": c.fp, "tn": c.tn, "fn": c.fn},
-            "metrics": {name: value.to_dict() for name, value in self.by_place.items()},
-            "wilson": {name: value.to_dict() for name, value in self.wilson.items()},
-            "false_open_by_kind": {k: value.to_dict() for k, value in self.false_open.items()},
-            "calibration": {
-                "probability": self.calibration.probability.tolist(),
-                "frequency": self.calibration.frequency.tolist(),
-                "count": self.calibration.count.tolist(),
-            },
-        }
 
 
 def score(
@@ -105,7 +89,7 @@ def score(
             "sensitivity": wilson(c.tp, c.tp + c.fn),
             "specificity": wilson(c.tn, c.tn + c.fp),
         },
-        by_place=dict(zip(names, by_place, strict=True)),
+        metrics=dict(zip(names, by_place, strict=True)),
         calibration=metrics.calibration(truth, p, ECE_BINS),
-        false_open=false_open,
+        false_open_by_kind=false_open,
     )

@@ -32,20 +32,12 @@ class DepthRecord:
 
 @dataclass(frozen=True)
 class DepthMetrics:
-    """mean: over pictures, with intervals by place. pooled: over all pixels together."""
+    """metrics: means over pictures, with intervals by place. pooled: over all pixels together."""
 
     pictures: int
     places: int
-    mean: Mapping[str, Interval]
+    metrics: Mapping[str, Interval]
     pooled: Mapping[str, float]
-
-    def to_dict(self) -> dict[str, Any]:
-        return {
-            "pictures": self.pictures,
-            "places": self.places,
-            "metrics": {name: value.to_dict() for name, value in self.mean.items()},
-            "pooled": {k: v if math.isfinite(v) else None for k, v in self.pooled.items()},
-        }
 
 
 def resize_map(depth_m: NDArray[Any], height: int, width: int) -> NDArray[np.float32]:

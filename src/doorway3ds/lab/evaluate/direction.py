@@ -114,18 +114,10 @@ class DirectionMetrics:
     pictures: int
     doorway_pictures: int
     places: int
-    values: Mapping[str, Interval] = field(default_factory=dict)
+    metrics: Mapping[str, Interval] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Interval:
-        return self.values[name]
-
-    def to_dict(self) -> dict[str, Any]:
-        return {
-            "pictures": self.pictures,
-            "doorway_pictures": self.doorway_pictures,
-            "places": self.places,
-            "metrics": {name: value.to_dict() for name, value in self.values.items()},
-        }
+        return self.metrics[name]
 
 
 @dataclass(frozen=True)
@@ -229,7 +221,7 @@ def score(
         pictures=len(records),
         doorway_pictures=sum(bool(record.truth.openings) for record in records),
         places=len(set(places)),
-        values={
+        metrics={
             name: intervals.widened(value, metric.unit == "share")
             for (name, metric), value in zip(METRICS.items(), values, strict=True)
         },

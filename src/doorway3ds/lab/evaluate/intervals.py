@@ -7,8 +7,8 @@ that are too narrow; whole places are resampled instead (cluster bootstrap, perc
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, is_dataclass
 from statistics import NormalDist
 from typing import Any
 
@@ -32,14 +32,18 @@ class Interval:
     high: float
     n: int
 
-    def to_dict(self) -> dict[str, float | int | None]:
-        """JSON object; nan becomes null."""
-        return {
-            "value": _finite(self.value),
-            "low": _finite(self.low),
-            "high": _finite(self.high),
-            "n": self.n,
-        }
+
+def plain(value: Any) -> Any:
+    """The same for JSON: dataclasses as mappings, arrays as lists, unknown numbers as None."""
+    if is_dataclass(value):
+        value = vars(value)
+    if isinstance(value, Mapping):
+        return {key: plain(inner) for key, inner in value.items()}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [plain(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def wilson(successes: int, n: int, confidence: float = 0.95) -> Interval:
@@ -151,7 +155,3 @@ def _resamples(places: Sequence[str], repeats: int, seed: int) -> list[Indices]:
     members = [np.flatnonzero(inverse == g) for g in range(int(inverse.max()) + 1)]
     picks = rng.integers(len(members), size=(repeats, len(members)))
     return [np.concatenate([members[g] for g in row]) for row in picks]
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

@@ -21,7 +21,7 @@ from doorway3ds.decide.gates import Gates
 from doorway3ds.lab.datasets.samples import NYU_KINDS, bearing_to_column
 from doorway3ds.lab.evaluate import intervals
 from doorway3ds.lab.evaluate.direction import GO_REASONS, DirectionRecord
-from doorway3ds.lab.evaluate.intervals import Indices, Interval
+from doorway3ds.lab.evaluate.intervals import Indices, Interval, plain
 from doorway3ds.types import Frame
 
 FloatArray = NDArray[np.floating[Any]]
@@ -46,9 +46,9 @@ class KindScore:
         return {
             "pictures": self.pictures,
             "places": self.places,
-            "goes": self.goes.to_dict(),
-            "p_open_from_0.5": self.p_open.to_dict(),
-            "best_candidate_on_it": self.on_it.to_dict(),
+            "goes": plain(self.goes),
+            "p_open_from_0.5": plain(self.p_open),
+            "best_candidate_on_it": plain(self.on_it),
         }
 
 

@@ -78,10 +78,6 @@ class Row:
     doorways: int
     values: Mapping[str, Interval]
 
-    def to_dict(self) -> dict[str, Any]:
-        told = {key: value.to_dict() for key, value in self.values.items()}
-        return {**vars(self), "values": told}
-
 
 def source_of(dataset: Dataset) -> str:
     """What training calls the pictures of a folder."""
@@ -140,7 +136,7 @@ def score(
 ) -> dict[str, Interval]:
     """Each of COLUMNS that the set tells, or with `before` the difference to it."""
     if before is None:
-        found = dict(direction.score(records, repeats).values)
+        found = dict(direction.score(records, repeats).metrics)
     else:
         found = direction.difference(before, records, repeats)
     wanted = {name: found[name] for name in COLUMNS if name in found}

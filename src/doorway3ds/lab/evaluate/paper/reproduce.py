@@ -17,7 +17,7 @@ from doorway3ds.lab.datasets.places import Seen, unseen
 from doorway3ds.lab.datasets.readers import read_dataset
 from doorway3ds.lab.datasets.samples import Sample, load_frame
 from doorway3ds.lab.evaluate.classifier import ClassifierMetrics
-from doorway3ds.lab.evaluate.intervals import wilson
+from doorway3ds.lab.evaluate.intervals import plain, wilson
 from doorway3ds.lab.evaluate.metrics import Confusion, confusion
 from doorway3ds.lab.evaluate.paper import printed
 from doorway3ds.lab.evaluate.report.html import Table, cell
@@ -273,9 +273,9 @@ def epochs_table(scored: Mapping[int, ClassifierMetrics] | None) -> Table:
     for epochs, accuracy in printed.VALIDATION_ACCURACY.items():
         cells = [f"{100 * accuracy:.2f} %"]
         if scored is not None:
-            value = scored[epochs].by_place["accuracy"]
+            value = scored[epochs].metrics["accuracy"]
             difference = 100 * (value.value - accuracy)
-            auc = scored[epochs].by_place["auc"]
+            auc = scored[epochs].metrics["auc"]
             cells += [cell(value, "share"), f"{difference:+.1f} points", cell(auc, "")]
         adopted = "adopted by the paper" if epochs == printed.ADOPTED_EPOCHS else ""
         rows.append((f"{epochs} epochs", adopted, cells))
@@ -303,7 +303,7 @@ def result(
             {
                 "epochs": epochs,
                 "printed_accuracy": accuracy,
-                "here": None if scored is None else scored[epochs].to_dict(),
+                "here": None if scored is None else plain(scored[epochs]),
             }
             for epochs, accuracy in printed.VALIDATION_ACCURACY.items()
         ],

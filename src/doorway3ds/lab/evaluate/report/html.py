@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.files import write_bytes
-from doorway3ds.lab.evaluate.intervals import Interval
+from doorway3ds.lab.evaluate.intervals import Interval, plain
 
 _STYLE = """
 :root { color-scheme: light dark; --rule: #8886; --soft: #8882; }
@@ -100,7 +100,7 @@ def write_report(report: Report, folder: Path, data: Mapping[str, Any]) -> Path:
 
 
 def write_json(path: Path, data: Mapping[str, Any]) -> None:
-    write_bytes(path, (json.dumps(data, indent=1, allow_nan=False) + "\n").encode())
+    write_bytes(path, (json.dumps(plain(data), indent=1, allow_nan=False) + "\n").encode())
 
 
 def render(report: Report) -> str:

@@ -95,7 +95,7 @@ def direction_json(
     """`no_doorway_by_kind` is there only where the data set tells kinds."""
     runs = []
     for label, s in scored.items():
-        run = {"method": label.method, "network": label.network, **s.to_dict()}
+        run = {"method": label.method, "network": label.network, **vars(s)}
         if by_kind[label]:
             told = {kind: k.to_dict() for kind, k in by_kind[label].items()}
             run["no_doorway_by_kind"] = told
@@ -108,7 +108,7 @@ def direction_json(
             {
                 "method": label.method,
                 "network": label.network,
-                "metrics": {name: value.to_dict() for name, value in values.items()},
+                "metrics": values,
             }
             for label, values in differences.items()
         ],
@@ -175,7 +175,7 @@ def classifier_table(scored: Mapping[str, ClassifierMetrics]) -> Table:
     """Scores, confusion counts, and false alarms by kind of negative."""
     columns = list(scored.values())
     rows = [
-        _row(title, about, [c.by_place[name] for c in columns], unit)
+        _row(title, about, [c.metrics[name] for c in columns], unit)
         for name, title, about, unit in (
             ("accuracy", "accuracy", f"at p_open {columns[0].threshold:g}", "share"),
             ("balanced_accuracy", "balanced accuracy", "mean of both classes", "share"),
@@ -198,8 +198,8 @@ def classifier_table(scored: Mapping[str, ClassifierMetrics]) -> Table:
         ("tn", "not open, called not open"),
     ):
         rows.append((about, "pictures", [str(getattr(c.confusion, name)) for c in columns]))
-    for kind in sorted({kind for c in columns for kind in c.false_open}):
-        values = [c.false_open.get(kind, wilson(0, 0)) for c in columns]
+    for kind in sorted({kind for c in columns for kind in c.false_open_by_kind}):
+        values = [c.false_open_by_kind.get(kind, wilson(0, 0)) for c in columns]
         rows.append(_row(f"called open: {kind}, Wilson", "not open, showing it", values, "share"))
     return Table("Open or not", list(scored), rows)
 
@@ -230,7 +230,7 @@ def add_classifier_pictures(
 def depth_table(scored: Mapping[Protocol, DepthMetrics]) -> Table:
     columns = list(scored.values())
     rows = [
-        _row(name, _depth_about(name), [c.mean[name] for c in columns], UNITS.get(name, ""))
+        _row(name, _depth_about(name), [c.metrics[name] for c in columns], UNITS.get(name, ""))
         for name in depth.MEASURES
     ]
     rows += [
@@ -246,7 +246,7 @@ def depth_json(scored: Mapping[Protocol, DepthMetrics]) -> dict[str, Any]:
         "task": "depth",
         "limits_m": [low, high],
         "runs": [
-            {"network": p.network, "crop": p.crop, "mirrored": p.mirrored, **s.to_dict()}
+            {"network": p.network, "crop": p.crop, "mirrored": p.mirrored, **vars(s)}
             for p, s in scored.items()
         ],
     }

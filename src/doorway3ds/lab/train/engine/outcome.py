@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime
 import hashlib
 import json
-import math
 import platform
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
@@ -16,6 +15,7 @@ import numpy as np
 
 from doorway3ds.errors import UserError
 from doorway3ds.lab.evaluate.classifier import ClassifierMetrics
+from doorway3ds.lab.evaluate.intervals import plain
 from doorway3ds.lab.evaluate.report import plots
 from doorway3ds.lab.evaluate.report.html import Report
 from doorway3ds.lab.train.engine.loop import Row
@@ -130,14 +130,3 @@ def facts(card: Mapping[str, Any]) -> dict[str, str]:
             )
         shown[key.replace("_", " ")] = value if isinstance(value, str) else json.dumps(plain(value))
     return shown
-
-
-def plain(value: Any) -> Any:
-    """The same with unknown numbers as None, as JSON has no nan."""
-    if isinstance(value, Mapping):
-        return {key: plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -99,6 +99,6 @@ class Training(ABC):
         outcome.require_plots()
         card = self.train()
         if card:
-            data = outcome.plain({"card": card, "history": self.history})
+            data = {"card": card, "history": self.history}
             write_report(self.page(card), self.run.out, data)
         return card

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from doorway3ds.lab.datasets.samples import Sample, load_depth, load_frame
 from doorway3ds.lab.evaluate import depth as scores
 from doorway3ds.lab.evaluate.depth import DepthRecord
+from doorway3ds.lab.evaluate.intervals import plain
 from doorway3ds.lab.evaluate.report import pages
 from doorway3ds.lab.evaluate.report.html import Report
 from doorway3ds.lab.evaluate.runners import Protocol
@@ -141,7 +142,7 @@ class DepthTraining(Training):
             "parameters": self._model.count_params(),
             "options": asdict(self.options),
             "depth_error": error,
-            "held_out": self._scored.to_dict(),
+            "held_out": plain(self._scored),
         }
 
     def export(self, path: Path, card: Mapping[str, Any]) -> float:

@@ -14,6 +14,7 @@ from doorway3ds.lab.datasets.doors import DoorPictures
 from doorway3ds.lab.datasets.samples import Sample
 from doorway3ds.lab.evaluate import classifier
 from doorway3ds.lab.evaluate.classifier import ClassifierMetrics, ClassifierRecord
+from doorway3ds.lab.evaluate.intervals import plain
 from doorway3ds.lab.evaluate.report import pages
 from doorway3ds.lab.evaluate.report.html import Report
 from doorway3ds.lab.train.engine import outcome
@@ -173,7 +174,7 @@ class SrinTraining(Training):
             },
             **self.pictures.told(self.split),
             "options": asdict(self.options),
-            "held_out": self._scored.to_dict(),
+            "held_out": plain(self._scored),
         }
 
     def export(self, path: Path, card: Mapping[str, Any]) -> float:

@@ -25,6 +25,7 @@ from doorway3ds.lab.datasets.readers import CLASS_FOLDERS, guess_layout, read_da
 from doorway3ds.lab.datasets.samples import Sample as Picture
 from doorway3ds.lab.datasets.samples import load_frame, with_camera
 from doorway3ds.lab.evaluate.direction import DirectionRecord
+from doorway3ds.lab.evaluate.intervals import plain
 from doorway3ds.lab.evaluate.report.html import Report
 from doorway3ds.lab.evaluate.runners import match_answers, methods_on, run_direction
 from doorway3ds.lab.evaluate.stored import Label, read_answers
@@ -291,7 +292,7 @@ class SiteTraining(Training):
         return {
             **asdict(self.verdict),
             "depth_change": self.depth_change,
-            "held_out": self.comparison.to_dict(),
+            "held_out": plain(self.comparison),
         }
 
     def page(self, card: Mapping[str, Any]) -> Report:

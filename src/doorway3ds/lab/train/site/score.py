@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,13 +48,6 @@ class Comparison:
     difference: Mapping[str, Interval]
     pictures: int
     places: int
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON object."""
-        return {
-            name: {key: value.to_dict() for key, value in getattr(self, name).items()}
-            for name in ("before", "after", "difference")
-        }
 
 
 @dataclass(frozen=True)
