@@ -17,13 +17,15 @@ from doorway3ds.errors import CallError
 class Setting:
     """What is known of one value.
 
-    low, high: bounds, included, of a number. names: of the option; default: the field's own.
-    envvar: of the environment, read if the option is not given.
+    low, high: bounds, included, of a number. choices: of a word, if not every one will do.
+    names: of the option; default: the field's own. envvar: of the environment, read if the option
+    is not given.
     """
 
     help: str
     low: float | None = None
     high: float | None = None
+    choices: tuple[str, ...] = ()
     metavar: str | None = None
     names: tuple[str, ...] = ()
     envvar: str | None = None
@@ -56,7 +58,9 @@ def settings_of(kind: type[Options]) -> dict[str, Setting]:
 
 
 def check(name: str, value: Any, known: Setting) -> None:
-    """CallError for a number outside its bounds; `name`: what the user calls it."""
+    """CallError for what is out of bounds or no choice; `name`: what the user calls it."""
+    if known.choices and value is not None and value not in known.choices:
+        raise CallError(f"{name} must be one of {', '.join(known.choices)}, got {value!r}")
     if known.low is not None or known.high is not None:
         require_range(name, value, known.low, known.high)
 

@@ -191,7 +191,7 @@ def test_parameters_out_of_range_are_refused_with_a_reason(node: Start, peer: Pe
         ("height_m:=1", "parameter height_m must be a number with a point such as 1.0"),
         ("method:=guess", "method must be opening or paper, got 'guess'"),
         ("network:=/missing.onnx", "/missing.onnx"),
-        ("image_transport:=theora", "image_transport must be raw or compressed"),
+        ("image_transport:=theora", "image_transport must be one of raw, compressed"),
     ],
 )
 def test_wrong_parameters_end_it_with_one_line(

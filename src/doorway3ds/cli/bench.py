@@ -81,7 +81,9 @@ def bench(
         if against is Against.PAPER:
             networks = [_paper_pair(Path(folder)), *networks]
         elif against is Against.PEERS:
-            peers = _peers(Path(folder), threads)
+            from doorway3ds.lab.peers import make_peers
+
+            peers = make_peers(Path(folder), threads)
         results = benchmark.measure_decisions(networks, data, repeat, threads, peers)
         for result in results:
             alone = not starts or result["name"] in {one.name for one in peers}
@@ -116,15 +118,3 @@ def _paper_pair(folder: Path) -> str:
             write_untrained(name, path)
         parts.append(str(path))
     return "+".join(parts)
-
-
-def _peers(folder: Path, threads: int | None) -> list[Peers]:
-    """A detector and a depth network of today, made in `folder`."""
-    from doorway3ds.lab.peers import make_peers
-
-    try:
-        return make_peers(folder, threads)
-    except ModuleNotFoundError as error:
-        raise CallError(
-            f"--against peers needs {error.name}; pip install 'doorway3ds[train]'"
-        ) from error

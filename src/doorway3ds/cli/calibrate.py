@@ -43,6 +43,7 @@ def calibrate(
     model: str | None = setting(
         None,
         "Lens model; default: the one that predicts held-out views best.",
+        choices=tuple(_MODELS),
         metavar="|".join(_MODELS),
     ),
     out: Path = setting(Path("camera.yaml"), "camera_info YAML file to write."),
@@ -66,8 +67,6 @@ def calibrate(
 
     Example: 3ds calibrate board/*.jpg --board 9x6 --out camera.yaml
     """
-    if model is not None and model not in _MODELS:
-        raise CallError(f"--model must be one of {', '.join(_MODELS)}, got '{model}'")
     if check is not None:
         if images or board_pdf is not None or lens == LensOptions():
             raise CallError("--check IMAGE takes --camera or --fov-deg to check, and nothing else")
@@ -178,7 +177,8 @@ class _Shown:
         self._console = Console()
         utf = self._console.encoding.lower().startswith("utf")
         self._marks = ("■", "·") if utf else ("#", ".")
-        self._live = Live(console=self._console, auto_refresh=False) if _watched() else None
+        watched = sys.stdout is not None and sys.stdout.isatty()
+        self._live = Live(console=self._console, auto_refresh=False) if watched else None
 
     def __enter__(self) -> _Shown:
         if self._live is not None:
@@ -229,10 +229,6 @@ class _Shown:
         lines.add_row("frames", f"{len(guide.views)} (of {FEWEST})")
         lines.add_row("now", guide.hint)
         return Panel(lines, title=self._title, subtitle="Ctrl-C: calibrate with these", width=70)
-
-
-def _watched() -> bool:
-    return sys.stdout is not None and sys.stdout.isatty()
 
 
 def _print_board(board: Board, options: str, path: Path) -> None:

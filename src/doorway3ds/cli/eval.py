@@ -13,19 +13,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from doorway3ds.cli.shared.options import Mirror, expand
-from doorway3ds.cli.shared.output import say, write_numbers
+from doorway3ds.cli.shared.output import print_tables, say, write_numbers
 from doorway3ds.cli.shared.progress import Progress
-from doorway3ds.cli.shared.tables import print_tables
 from doorway3ds.cli.shared.training import command_line
 from doorway3ds.decide.options import PACKAGED
 from doorway3ds.errors import CallError
+from doorway3ds.files import write_bytes
 from doorway3ds.lab.evaluate.options import DataOptions, MarkOptions, ReportOptions
 from doorway3ds.options import setting
 
 if TYPE_CHECKING:
     from doorway3ds.lab.datasets.samples import Dataset, Sample
     from doorway3ds.lab.evaluate.report.html import Report, Table
-    from doorway3ds.lab.evaluate.runners import DirectionRuns
     from doorway3ds.networks.base import Network
 
 app = typer.Typer(
@@ -113,7 +112,8 @@ def direction(
     tables = [pages.direction_table(scored), *([minus] if minus else [])]
     tables += pages.kind_tables(by_kind)
     if save_answers is not None:
-        _write_answers(save_answers, runs)
+        lines = [json.dumps(answer) for column in runs.answers.values() for answer in column]
+        write_bytes(save_answers, ("\n".join(lines) + "\n").encode())
     page = _page("Direction", dataset, runs.left_out, tables)
     if report.out is not None:
         page.facts = {**page.facts, "reasons": help_page()}
@@ -307,13 +307,6 @@ def _progress(samples: Sequence[Sample]) -> Iterator[Sample]:
         for done, sample in enumerate(samples):
             bar(done)
             yield sample
-
-
-def _write_answers(path: Path, runs: DirectionRuns) -> None:
-    from doorway3ds.files import write_bytes
-
-    lines = [json.dumps(answer) for column in runs.answers.values() for answer in column]
-    write_bytes(path, ("\n".join(lines) + "\n").encode())
 
 
 def _page(

@@ -19,12 +19,12 @@ from doorway3ds.cli.shared.robot import (
     ROBOT_HELP,
     RunFolder,
     driver_of,
+    ended_by_sigterm,
     logged,
     open_eyes,
     pipeline_for,
     require_robot,
 )
-from doorway3ds.cli.shared.signals import ended_by_sigterm
 from doorway3ds.cli.shared.viewer import Rerun, viewer_of
 from doorway3ds.cli.shared.watch import Watch, counts, print_json
 from doorway3ds.decide.options import DecideOptions

@@ -94,15 +94,18 @@ def look(
     if out is None and not (as_json or as_csv):
         out = OUT
     for folder in (out, depth_dir):
-        if folder is not None:
-            _make_folder(folder)
+        try:
+            if folder is not None:
+                folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise CallError(f"cannot make the folder {folder}: {error.strerror}") from error
 
     bags = [name for name in images if name.startswith("bag://")]
     inputs, errors = expand((name for name in images if name not in bags), recursive)
     for message in errors:
         complain(message)
     total, failed = len(inputs) + len(errors), len(errors)
-    line = _json if as_json else _row if as_csv else _words
+    line = _json if as_json else _row if as_csv else "{}: {}".format
     files = _Files(out, depth_dir, style, faint)
     if as_csv:
         sys.stdout.write(_csv_line(COLUMNS) + "\n")
@@ -127,7 +130,8 @@ def look(
     if lens.doubt is not None:
         complain(lens.doubt)
     if total > 1:
-        _summarise(total, failed, time.monotonic() - start, out)
+        answered = f"{total - failed} of {total} answered in {time.monotonic() - start:.1f} s"
+        say(answered + (f", annotated images in {out}" if out is not None else ""))
     if failed:
         raise typer.Exit(1)
 
@@ -218,37 +222,17 @@ def _json(name: str, decision: Decision) -> str:
     return json.dumps(decision.to_dict(name), allow_nan=False)
 
 
-def _words(name: str, decision: Decision) -> str:
-    return f"{name}: {decision}"
-
-
 def _row(name: str, decision: Decision) -> str:
     """The JSON's values in CSV, those of the best candidate beside them; nothing for null."""
     said = decision.to_dict(name)
     camera = {f"camera_{key}": value for key, value in said.pop("camera").items()}
     best = said["openings"][0] if said["openings"] else {}
     values = {**best, **said, **camera}
-    return _csv_line([_plain(values.get(column)) for column in COLUMNS])
-
-
-def _plain(value: Any) -> Any:
-    return str(value).lower() if isinstance(value, bool) else value
+    found = (values.get(column) for column in COLUMNS)
+    return _csv_line([str(v).lower() if isinstance(v, bool) else v for v in found])
 
 
 def _csv_line(values: Sequence[Any]) -> str:
     line = io.StringIO()
     csv.writer(line, lineterminator="").writerow(values)
     return line.getvalue()
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise CallError(f"cannot make the folder {folder}: {error.strerror}") from error
-
-
-def _summarise(total: int, failed: int, seconds: float, out: Path | None) -> None:
-    answered = f"{total - failed} of {total} answered in {seconds:.1f} s"
-    where = f", annotated images in {out}" if out is not None else ""
-    say(f"{answered}{where}")

@@ -81,7 +81,7 @@ def main() -> None:
 
 def run(arguments: Sequence[str]) -> int:
     """Runs one command; returns its exit status."""
-    from doorway3ds.cli.shared.output import OutputLost, guarded_output
+    from doorway3ds.cli.shared.output import OutputLost, complain, guarded_output
     from doorway3ds.cli.shared.viewer import with_viewer
 
     arguments = with_viewer(arguments)
@@ -92,7 +92,7 @@ def run(arguments: Sequence[str]) -> int:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
     with warnings.catch_warnings():
-        warnings.showwarning = _warn
+        warnings.showwarning = lambda message, *_: complain(str(message))
         warnings.filterwarnings("ignore", module=r"PIL\.")  # what matters of it is an error
         try:
             with guarded_output():
@@ -127,10 +127,6 @@ def _run(arguments: Sequence[str]) -> int:
             raise
         hint = f"needs the extra '{extra}': pip install 'doorway3ds[{extra}]'"
         return _refuse(f"{' '.join(arguments[:1])} {hint} ({error.name} is missing)", 1)
-
-
-def _warn(message: Warning | str, *where: object, **more: object) -> None:
-    _refuse(str(message), 0)
 
 
 def _refuse(message: str, status: int) -> int:

@@ -153,7 +153,7 @@ def _print(comparison: Comparison, card: dict[str, Any], json_file: Path | None)
     """The table, or the card as JSON on standard output or in a file."""
     from rich.console import Console
 
-    from doorway3ds.cli.shared.tables import print_tables
+    from doorway3ds.cli.shared.output import print_tables
     from doorway3ds.lab.train.site.score import table
 
     if json_file is not None:

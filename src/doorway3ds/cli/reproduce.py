@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from doorway3ds.camera.options import LensOptions
 from doorway3ds.cli.shared.options import Network, expand
-from doorway3ds.cli.shared.output import say
+from doorway3ds.cli.shared.output import print_tables, say
 from doorway3ds.cli.shared.progress import Progress
-from doorway3ds.cli.shared.tables import print_tables
 from doorway3ds.cli.shared.training import Watch, command_line
 from doorway3ds.decide.options import PACKAGED
 from doorway3ds.errors import CallError

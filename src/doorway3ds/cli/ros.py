@@ -36,7 +36,7 @@ def ros(
     if dds_profile:
         typer.echo(files("doorway3ds.ros") / "fastdds.xml")
         return
-    from doorway3ds.cli.shared.signals import ended_by_sigterm
+    from doorway3ds.cli.shared.robot import ended_by_sigterm
     from doorway3ds.ros.node import run
 
     with ended_by_sigterm():

@@ -57,7 +57,7 @@ def render(
     from rich.progress import Progress
 
     from doorway3ds.lab.sim.pictures.dataset import render_dataset
-    from doorway3ds.lab.sim.pictures.sheet import write_contact_sheet
+    from doorway3ds.lab.sim.pictures.view import write_contact_sheet
 
     pixels = parse_size(size)
     with Progress(console=Console(stderr=True)) as bar:
@@ -110,7 +110,7 @@ def nao(
     listen: str = setting("tcp://127.0.0.1:9559", "Address on which NAOqi answers.", metavar="URL"),
     seed: int = setting(0, "Seed of the homes.", low=0),
     scenario: str = setting("doorway", "Scene in front of the robot; see docs/robot.md."),
-    robot: str = setting("nao", "Model: nao or pepper."),
+    robot: str = setting("nao", "Model: nao or pepper.", choices=("nao", "pepper")),
 ) -> None:
     """Run a virtual NAO that NAOqi scripts can turn and look through, until Ctrl-C.
 
@@ -120,16 +120,14 @@ def nao(
     import threading
     from importlib import import_module
 
-    from doorway3ds.cli.shared.signals import ended_by_sigterm
-    from doorway3ds.lab.sim.robot.model import MODELS
+    from doorway3ds.cli.shared.robot import ended_by_sigterm
     from doorway3ds.lab.sim.robot.nao import VirtualNao
     from doorway3ds.lab.sim.stages.scenarios import SCENES
 
     if not re.fullmatch(r"tcp://[^:/]+:\d{1,5}", listen):
         raise CallError(f"--listen must look like tcp://127.0.0.1:9559, got '{listen}'")
-    for name, value, known in (("--scenario", scenario, SCENES), ("--robot", robot, MODELS)):
-        if value not in known:
-            raise CallError(f"{name} must be one of {', '.join(known)}, got {value!r}")
+    if scenario not in SCENES:
+        raise CallError(f"--scenario must be one of {', '.join(SCENES)}, got {scenario!r}")
 
     import_module("qi")  # missing, it is said before a home is built
 
@@ -174,7 +172,9 @@ def trial(
         metavar="NAME,...",
     ),
     network: str = setting("truth", "Network: truth, or one of `3ds models`.", metavar="NAME"),
-    method: str = setting("both", "Method: opening, paper or both."),
+    method: str = setting(
+        "both", "Method: opening, paper or both.", choices=("opening", "paper", "both")
+    ),
     seed: int = setting(0, "Seed of the first episode.", low=0),
     workers: int = setting(2, "Number of processes.", low=1),
     film: bool = setting(False, "Also write a GIF of each scene."),
@@ -195,8 +195,6 @@ def trial(
         if name not in SCENES:
             raise CallError(f"--scenes: expected some of {', '.join(SCENES)}, got {name!r}")
     chosen = METHODS if method == "both" else tuple(m for m in METHODS if m == method)
-    if not chosen:
-        raise CallError(f"--method must be opening, paper or both, got {method!r}")
     asked = None if network == "truth" else network
     with Progress(console=Console(stderr=True)) as bar:
         task = bar.add_task("stages", total=episodes * len(names))

@@ -13,6 +13,7 @@ from doorway3ds.cli.shared.training import running as run_of
 from doorway3ds.decide.options import PACKAGED
 from doorway3ds.errors import CallError
 from doorway3ds.lab.train.options import (
+    PRECISIONS,
     ClassOptions,
     DepthOptions,
     FileOptions,
@@ -77,7 +78,9 @@ def doornet(
         "0: never; default: the recipe's.",
         low=0,
     ),
-    precision: str = setting("auto", "Arithmetic: auto (bfloat16 on a GPU), float32 or bfloat16."),
+    precision: str = setting(
+        "auto", "Arithmetic: auto (bfloat16 on a GPU), float32 or bfloat16.", choices=PRECISIONS
+    ),
 ) -> None:
     """Train doornet: p_open, opening columns, depth and floor in one network.
 
@@ -97,7 +100,7 @@ def doornet(
     changed: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
     chosen = replace(chosen, fit=replace(chosen.fit, **changed))
     epochs = sum(stage.epochs for stage in chosen.fit.stages)
-    with run_of(out, epochs, running, precision) as run:
+    with run_of(out, epochs, running) as run:
         training = DoorNetTraining(
             datasets,
             Teachers.in_folder(teachers),
@@ -154,7 +157,7 @@ def cnn_srin(
     from doorway3ds.lab.train.paper.srinrun import SrinTraining
 
     epochs, facts = options.epochs + options.fine_tune, _facts(dataset, running)
-    with run_of(out, epochs, running, options.precision, **facts) as run:
+    with run_of(out, epochs, running, **facts) as run:
         found = read_door_pictures(
             dataset,
             pictures.choice(options.seed),
@@ -198,10 +201,8 @@ def densedepth(
     from doorway3ds.lab.train.paper.depthpairs import read_depth_pairs
     from doorway3ds.lab.train.paper.depthrun import DepthTraining
 
-    if options.setting not in SETTINGS:
-        raise CallError(f"--setting must be {', '.join(SETTINGS)}, got {options.setting!r}")
     facts = _facts(dataset, running)
-    with run_of(out, options.epochs, running, options.precision, **facts) as run:
+    with run_of(out, options.epochs, running, **facts) as run:
         if not run.team.leads:
             run.team.told(None)  # until the leader has unpacked what is packed
         pairs = read_depth_pairs(

@@ -95,7 +95,10 @@ def measure_decisions(
         {"name": name, "weights": weights(pipeline.network), "method": pipeline.method}
         for name, pipeline in zip(names, pipelines, strict=True)
     ]
-    runs: list[Callable[[bytes], Mapping[str, float]]] = [_stages(p) for p in pipelines]
+    runs: list[Callable[[bytes], Mapping[str, float]]] = [
+        lambda data, pipeline=pipeline: pipeline(data).timings_ms  # type: ignore[misc]
+        for pipeline in pipelines
+    ]
     said[:0] = [{"name": p.name, "weights": p.weights, "method": p.method} for p in peers]
     runs[:0] = peers
     spent: list[list[dict[str, float]]] = [[] for _ in runs]
@@ -118,10 +121,6 @@ def measure_decisions(
         }
         for what, samples in zip(said, spent, strict=True)
     ]
-
-
-def _stages(pipeline: Pipeline) -> Callable[[bytes], Mapping[str, float]]:
-    return lambda data: pipeline(data).timings_ms
 
 
 def weights(network: Network) -> str:

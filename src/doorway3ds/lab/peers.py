@@ -49,7 +49,9 @@ class Peers:
         times = [time.perf_counter()]
         image = read_image(data).image
         times.append(time.perf_counter())
-        inputs = [_input(image, side) for _, side in self._parts]
+        inputs = [squeeze(image, side, side, channels_last=False) for _, side in self._parts]
+        for value in inputs:
+            value /= np.float32(255)
         times.append(time.perf_counter())
         for (run, _), value in zip(self._parts, inputs, strict=True):
             run(value)
@@ -114,12 +116,6 @@ def _by_openvino(path: Path, threads: int | None) -> Run:
     }
     run: Run = openvino.compile_model(path, "CPU", settings)
     return run
-
-
-def _input(image: NDArray[np.uint8], side: int) -> NDArray[np.float32]:
-    tensor = squeeze(image, side, side, channels_last=False)
-    tensor /= np.float32(255)
-    return tensor
 
 
 def write(build: Callable[[], Any], side: int, outputs: Sequence[str], path: Path) -> None:

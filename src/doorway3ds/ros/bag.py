@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
-from doorway3ds.camera.model import Camera
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.ros.bagfile import BagFile
 from doorway3ds.ros.received import Calibration, image_of, stamp_of
@@ -60,15 +59,16 @@ class BagSource(Source):
         self._bag = BagFile(path)
         try:
             self._topic = _chosen(self.name, self._bag.kinds, topic)
-            infos = [name for name, kind in self._bag.kinds.items() if kind == _INFO]
-            self._info = beside(self._topic, infos)
+            topics = [name for name, kind in self._bag.kinds.items() if kind == _INFO]
+            self._info = beside(self._topic, topics)
             self._calibration = Calibration(
                 self._info or "camera_info", rectified="rect" in self._topic
             )
             self._transforms = Transforms()
             for _, _, message in self._bag.messages([_TF_STATIC]):
                 self._transforms.add(message)
-            self._camera = next(self._cameras(), None)
+            infos = self._bag.messages([self._info] if self._info else [])
+            self._camera = next((self._calibration.camera(info) for _, _, info in infos), None)
         except BaseException:
             self._bag.close()
             raise
@@ -126,10 +126,6 @@ class BagSource(Source):
                 self._transforms.add(message)
             else:
                 self._camera = self._calibration.camera(message)
-
-    def _cameras(self) -> Iterator[Camera | None]:
-        for _, _, message in self._bag.messages([self._info] if self._info else []):
-            yield self._calibration.camera(message)
 
     def _frame(self, at_s: float, message: Any) -> Frame | None:
         self._number += 1

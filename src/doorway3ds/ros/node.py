@@ -5,9 +5,10 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from doorway3ds.camera.choice import choose_camera
@@ -49,7 +50,8 @@ def run(arguments: Sequence[str]) -> None:
         # ROS's own handlers would shut the context before the base is told to stop.
         rclpy.init(args=["3ds", *arguments], signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # every distribution raises others
-        raise CallError(f"ROS refuses {' '.join(arguments)}: {_line(error)}") from error
+        why = " ".join(str(error).split())
+        raise CallError(f"ROS refuses {' '.join(arguments)}: {why}") from error
     with ExitStack() as stack:
         stack.callback(rclpy.try_shutdown)
         if (rest := rclpy.utilities.remove_ros_args(list(arguments))) != []:
@@ -173,8 +175,9 @@ class DoorwayNode:
         from std_srvs.srv import Trigger
 
         node, beside = self._node, ReentrantCallbackGroup()
-        for name, answer in (("turn", self._on_turn), ("go", self._on_go)):
+        for name, act in (("turn", self._turn), ("go", self._go)):
             service = f"{node.get_fully_qualified_name()}/{name}"
+            answer = partial(self._answer, act)
             calls.create_service(Trigger, service, answer, callback_group=beside)
         self._goals = node.create_publisher(PoseStamped, "goal_pose", 1) if self._move else None
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
@@ -223,25 +226,18 @@ class DoorwayNode:
             return f"no image for {silent_s:.1f} s"
         return None
 
-    def _on_turn(self, request: Any, response: Any) -> Any:
-        response.success, response.message = self._answered(self._turn)
-        return response
-
-    def _on_go(self, request: Any, response: Any) -> Any:
-        response.success, response.message = self._answered(self._go)
-        return response
-
-    def _answered(self, act: Any) -> tuple[bool, str]:
+    def _answer(self, act: Callable[[], tuple[bool, str]], request: Any, response: Any) -> Any:
         if not self._turning.acquire(blocking=False):
-            return False, "a turn is under way"
+            response.success, response.message = False, "a turn is under way"
+            return response
         try:
-            done, said = act()
+            response.success, response.message = act()
         except UserError as error:
-            done, said = False, str(error)
+            response.success, response.message = False, str(error)
         finally:
             self._turning.release()
-        self._node.get_logger().info(said)
-        return done, said
+        self._node.get_logger().info(response.message)
+        return response
 
     def _turn(self) -> tuple[bool, str]:
         """One turn towards the doorway, if the newest decision is to turn."""
@@ -360,7 +356,3 @@ def transform_buffer(node: Any) -> Any:
 
     pose.listener = listener  # type: ignore[attr-defined]  # it lives as long as its buffer
     return pose
-
-
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split())

@@ -19,18 +19,13 @@ T = TypeVar("T", bound=Options)
 class TopicOptions(Options):
     """How images come, and what frames are called."""
 
-    image_transport: str = setting("raw", "Kind of the image topic: raw or compressed.")
+    image_transport: str = setting(
+        "raw", "Kind of the image topic: raw or compressed.", choices=("raw", "compressed")
+    )
     robot_frame: str = setting(
         "base_footprint", "The robot's frame, on the floor under its turning axis."
     )
     use_tf: bool = setting(True, "Ask tf2 for the camera's pose, where tf2 is installed.")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.image_transport not in ("raw", "compressed"):
-            raise CallError(
-                f"image_transport must be raw or compressed, got {self.image_transport!r}"
-            )
 
 
 @dataclass(frozen=True)

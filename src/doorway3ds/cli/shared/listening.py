@@ -123,10 +123,5 @@ def _certificate(chain: Path | None, key: Path | None, names: tuple[str, ...]) -
         raise CallError("--tls-cert and --tls-key go together; pass both or neither")
     if chain is not None and key is not None:
         return tls.given(chain, key)
-    return tls.self_signed(_private_folder(), names)
-
-
-def _private_folder() -> Path:
-    """Where the certificate and key made here lie, for this user alone."""
     base = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
-    return Path(base) / "doorway3ds" / "tls"
+    return tls.self_signed(Path(base, "doorway3ds", "tls"), names)

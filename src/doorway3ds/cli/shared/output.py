@@ -6,9 +6,14 @@ import contextlib
 import json
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, TextIO, cast
+from typing import TYPE_CHECKING, Any, TextIO, cast
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from doorway3ds.lab.evaluate.report.html import Table
 
 
 def say(line: str) -> None:
@@ -91,3 +96,19 @@ def quiet_decoders() -> None:
     import cv2
 
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+
+
+def print_tables(console: Console, tables: Iterable[Table]) -> None:
+    """Each table with its title, one row a line where the terminal is wide enough."""
+    from rich.table import Table as RichTable
+
+    for table in tables:
+        # as a line of its own, as Rich wraps a title to its table's width
+        console.print(table.title, style="italic", highlight=False, markup=False)
+        shown = RichTable(box=None, pad_edge=False)
+        shown.add_column("")
+        for column in table.columns:
+            shown.add_column(column)
+        for name, _, cells in table.rows:
+            shown.add_row(name, *cells)
+        console.print(shown)

@@ -101,6 +101,8 @@ class Panel:
         decision = tracked.decision
         width = min(self._console.width, _WIDEST)
         colour = _COLOURS[decision.reason]
+        clear = decision.selection.clear if tracked.number else None
+        word = {True: "free", False: "blocked", None: "not seen"}[clear]
         grid = Table.grid(padding=(0, 1))
         grid.width = width
         grid.add_column(width=_LABEL, style="dim")
@@ -109,7 +111,7 @@ class Panel:
             ("belief", self._bar(tracked.belief)),
             ("bearing", self._bearing(tracked)),
             ("distance", self._distance(tracked)),
-            ("way", _way(tracked)),
+            ("way", word if tracked.free is None else f"{word} (belief {tracked.free:.2f})"),
             ("followed", _followed(tracked)),
             ("camera", self._camera(tracked)),
             ("time", _stages(self.means.ms)),
@@ -173,12 +175,6 @@ class Panel:
         if source.problem:
             parts.append(source.problem)
         return (" - " if self._plain else " · ").join(parts)
-
-
-def _way(tracked: Tracked) -> str:
-    clear = tracked.decision.selection.clear if tracked.number else None
-    word = {True: "free", False: "blocked", None: "not seen"}[clear]
-    return word if tracked.free is None else f"{word} (belief {tracked.free:.2f})"
 
 
 def _followed(tracked: Tracked) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from doorway3ds.cli.shared.output import say
 from doorway3ds.cli.shared.progress import Progress, bar
-from doorway3ds.lab.train.options import RunOptions, require_precision
+from doorway3ds.lab.train.options import RunOptions
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -56,14 +56,11 @@ class Watch:
 
 
 @contextmanager
-def running(
-    out: Path, epochs: int, options: RunOptions, precision: str, **facts: Any
-) -> Iterator[Run]:
+def running(out: Path, epochs: int, options: RunOptions, **facts: Any) -> Iterator[Run]:
     """A training's run, with progress told and the team of `torchrun`, if there is one.
 
     facts: for its card, beside the command.
     """
-    require_precision(precision)
     from doorway3ds.lab.train.engine import backend
     from doorway3ds.lab.train.engine.training import Run
     from doorway3ds.lab.train.engine.watch import TensorBoard, Together

@@ -121,7 +121,8 @@ def _items_of(source: str) -> Iterator[Item]:
     lower = source.lower()
     if lower.endswith(LISTS):
         for line in _lines(source):
-            yield from _items_of(line) if _is_container(line) else _image(line)
+            holds = line.lower().endswith((*SHARDS, ".parquet", "/"))
+            yield from _items_of(line) if holds else _image(line)
     elif lower.endswith(SHARDS):
         yield from _members(source)
     elif lower.endswith(".parquet"):
@@ -142,10 +143,6 @@ def _items_of(source: str) -> Iterator[Item]:
 
 def _image(name: str) -> Iterator[Item]:
     yield Item(name, url=name)
-
-
-def _is_container(name: str) -> bool:
-    return name.lower().endswith((*SHARDS, ".parquet")) or name.endswith("/")
 
 
 def _folder(folder: str) -> Iterator[Item]:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from doorway3ds.errors import CallError
 from doorway3ds.options import Options
 from doorway3ds.options import setting as option
 
@@ -105,11 +104,9 @@ class TrainOptions(StartOptions):
         low=0,
         high=_MANY,
     )
-    precision: str = option("auto", "Arithmetic: auto (bfloat16 on a GPU), float32 or bfloat16.")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_precision(self.precision)
+    precision: str = option(
+        "auto", "Arithmetic: auto (bfloat16 on a GPU), float32 or bfloat16.", choices=PRECISIONS
+    )
 
 
 @dataclass(frozen=True)
@@ -130,7 +127,9 @@ class DepthOptions(TrainOptions):
     batch: int = option(4, "Images per step.", low=1, high=_MANY)
     validation: float = option(0.1, "Share held out.", low=0.01, high=0.9)
     setting: str = option(
-        "nyu", "Size and range: nyu, 480x640 and 0.1 to 10 m; kitti, 384x1280 and 1 to 80 m."
+        "nyu",
+        "Size and range: nyu, 480x640 and 0.1 to 10 m; kitti, 384x1280 and 1 to 80 m.",
+        choices=("nyu", "kitti"),
     )
     freeze_encoder: bool = option(
         False, "Keep the encoder fixed, as in the paper's text; its code trains it."
@@ -162,9 +161,3 @@ class FileOptions(RunOptions):
     install: bool = option(
         True, "Let `--network` find the file by name.", names=("--install/--no-install",)
     )
-
-
-def require_precision(precision: str) -> None:
-    """CallError for what is none of PRECISIONS."""
-    if precision not in PRECISIONS:
-        raise CallError(f"--precision must be {', '.join(PRECISIONS)}, got {precision!r}")

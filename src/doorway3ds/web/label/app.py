@@ -8,7 +8,7 @@ from doorway3ds.web.base.app import assemble
 from doorway3ds.web.base.shield import Shield
 from doorway3ds.web.label import routes
 from doorway3ds.web.label.pictures import Pictures
-from doorway3ds.web.label.state import LabelState
+from doorway3ds.web.label.routes import LabelState
 from doorway3ds.web.label.table import Table
 
 

@@ -4,18 +4,34 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import asdict
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 
 from doorway3ds.errors import UserError
+from doorway3ds.web.base.access import ServerSettings
 from doorway3ds.web.base.errors import ApiError, errors
 from doorway3ds.web.base.routes import json_answer
+from doorway3ds.web.base.state import ServerState, server_state
 from doorway3ds.web.label.marks import MAX_OPENINGS, MarkedOpening, Marks
-from doorway3ds.web.label.pictures import Prepared
-from doorway3ds.web.label.state import LabelState, label_state
-from doorway3ds.web.label.table import MarkedMeanwhile
+from doorway3ds.web.label.pictures import Pictures, Prepared
+from doorway3ds.web.label.table import MarkedMeanwhile, Table
+
+
+class LabelState(ServerState):
+    """What the routes of marking share."""
+
+    def __init__(self, settings: ServerSettings, pictures: Pictures, table: Table) -> None:
+        super().__init__(settings, "label.html")
+        self.pictures = pictures
+        self.table = table
+
+
+def label_state(request: Request) -> LabelState:
+    """What the server of a request shares between its routes."""
+    return cast(LabelState, server_state(request))
+
 
 router = APIRouter()
 State = Annotated[LabelState, Depends(label_state)]

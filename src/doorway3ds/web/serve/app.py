@@ -8,8 +8,7 @@ from doorway3ds.sources.base import Source
 from doorway3ds.web.base.app import assemble
 from doorway3ds.web.base.shield import Shield
 from doorway3ds.web.serve import calibrate, routes
-from doorway3ds.web.serve.choice import Pipelines
-from doorway3ds.web.serve.settings import Settings
+from doorway3ds.web.serve.choice import Pipelines, Settings
 from doorway3ds.web.serve.state import ServeState
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -28,8 +28,8 @@ from doorway3ds.networks.registry import MODELS, load
 from doorway3ds.options import Options, settings_of
 from doorway3ds.sources.base import View
 from doorway3ds.types import Frame
+from doorway3ds.web.base.access import ServerSettings
 from doorway3ds.web.base.errors import ApiError
-from doorway3ds.web.serve.settings import Settings
 
 AUTO = "auto"
 _DECIDE = ("network", "method", "preset", "width_m", "max_unseen_m", "aligned_deg", "mirror")
@@ -232,3 +232,14 @@ def _available() -> Iterator[str]:
             len(group) == 1 or not kinds[1].issuperset(kinds[0])
         ):
             yield "+".join(group)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings(ServerSettings):
+    """How decisions are made.
+
+    decide: used unless a request says otherwise. camera: of images that come without one.
+    """
+
+    decide: DecideOptions = field(default_factory=DecideOptions)
+    camera: CameraChoice = field(default_factory=CameraChoice)

@@ -25,8 +25,7 @@ from doorway3ds.sources.base import Source, SourceLost
 from doorway3ds.threads import Worker
 from doorway3ds.types import Decision, Reason
 from doorway3ds.web.base.metrics import Metrics
-from doorway3ds.web.serve.choice import Fields, Pipelines, source_frame
-from doorway3ds.web.serve.settings import Settings
+from doorway3ds.web.serve.choice import Fields, Pipelines, Settings, source_frame
 from doorway3ds.web.serve.view import view_of
 
 State = Literal["starting", "running", "waiting", "ended", "lost", "stopped"]

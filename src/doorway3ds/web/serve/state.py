@@ -11,9 +11,8 @@ from doorway3ds.sources.base import Source
 from doorway3ds.web.base.errors import ApiError
 from doorway3ds.web.base.state import ServerState, server_state
 from doorway3ds.web.serve.calibration import CalibrationRun
-from doorway3ds.web.serve.choice import Pipelines
+from doorway3ds.web.serve.choice import Pipelines, Settings
 from doorway3ds.web.serve.live import Live
-from doorway3ds.web.serve.settings import Settings
 
 
 class ServeState(ServerState):

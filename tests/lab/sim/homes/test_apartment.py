@@ -9,8 +9,7 @@ import pytest
 
 from doorway3ds.lab.sim.homes import apartment as homes
 from doorway3ds.lab.sim.homes import clutter
-from doorway3ds.lab.sim.homes.furnish import footprint, furnish, overlap
-from doorway3ds.lab.sim.homes.inventory import ROOMS
+from doorway3ds.lab.sim.homes.furnish import ROOMS, footprint, furnish, overlap
 from doorway3ds.lab.sim.homes.oddments import cable, closet, pet, toys
 from doorway3ds.lab.sim.homes.plan import Plan
 from doorway3ds.lab.sim.homes.shell import leaf_of

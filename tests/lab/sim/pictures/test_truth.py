@@ -18,9 +18,9 @@ from doorway3ds.lab.sim.homes.furnish import Mirror, Placed
 from doorway3ds.lab.sim.homes.furniture import Item, wardrobe
 from doorway3ds.lab.sim.homes.mesh import box
 from doorway3ds.lab.sim.homes.stairs import Flight
-from doorway3ds.lab.sim.pictures.perceive import perceive
+from doorway3ds.lab.sim.pictures.perceive import perfect
 from doorway3ds.lab.sim.pictures.way import Way
-from doorway3ds.types import Reason
+from doorway3ds.types import Frame, Reason
 from tests.lab.sim.conftest import bare, camera, doorway, level, tilted, two_rooms
 
 pytestmark = pytest.mark.sim
@@ -299,7 +299,8 @@ def test_perfect_perception_decides_as_the_truth_says(shoot: Shoot) -> None:
         ((Placed(carton(np.random.default_rng(3)), 2.6, 2.75, 0.0, 0),), Reason.BLOCKED),
     ):
         shot = shoot(bare(home, standing=things), camera(), eye)
-        frame, perception = perceive(shot)
+        frame = Frame(shot.rgb, shot.camera, shot.eye.pose)
+        perception = perfect(shot.truth, shot.depth)
         decision = decide(perception, select_opening(perception, frame), frame, "opening")
         assert decision.reason is reason
         assert decision.selection.bearing_deg == pytest.approx(

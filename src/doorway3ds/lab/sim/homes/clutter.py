@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from doorway3ds.lab.sim.homes.furniture import (
@@ -51,7 +53,7 @@ def person(rng: Rng) -> Item:
         (skin, ball((0.085, 0.1, 0.125), (0, 0.01, 1.64))),
         (hair, ball((0.095, 0.1, 0.11), (0, -0.025, 1.68))),
     ]
-    grown = [(p, type(m)(m.vertices * k, m.normals, m.uv, m.faces)) for p, m in parts]
+    grown = [(p, replace(m, vertices=m.vertices * k)) for p, m in parts]
     return Item("person", (0.55 * k, 0.45 * k, tall), tuple(grown))
 
 

@@ -207,12 +207,6 @@ def changed(home: Home, index: int, kind: str, **values: object) -> Home:
     return replace(home, portals=tuple(portals), hazards=hazards)
 
 
-def _some(home: Home, rng: Rng, suits: Callable[[Portal], bool], most: int) -> list[int]:
-    """Up to `most` portals between rooms that suit."""
-    inside = [i for i, p in enumerate(home.portals) if -1 not in p.rooms and suits(p)]
-    return [inside[int(k)] for k in rng.permutation(len(inside))[:most]]
-
-
 def glazed(portal: Portal) -> dict[str, object]:
     """How a door between rooms becomes one of glass."""
     if portal.width > 1.2:
@@ -225,23 +219,9 @@ def glazed(portal: Portal) -> dict[str, object]:
 GLASS = 6  # the style of a leaf that is a pane in a thin frame
 
 
-def _glass(home: Home, rng: Rng) -> Home:
-    for index in _some(home, rng, lambda p: p.sill == 0, 3):
-        home = changed(home, index, "glass", **glazed(home.portals[index]))
-    return home
-
-
-def _curtain(home: Home, rng: Rng) -> Home:
-    for index in _some(home, rng, lambda p: p.sill == 0 and p.width < 1.5, 2):
-        home = changed(home, index, "curtain", state="curtain", angle_deg=0.0)
-    return home
-
-
-def _threshold(home: Home, rng: Rng) -> Home:
-    for index in _some(home, rng, lambda p: p.is_open, 3):
-        top = rng.uniform(0.015, 0.035) if rng.random() < 0.6 else rng.uniform(0.06, 0.16)
-        home = changed(home, index, "threshold", sill_top_m=float(top))
-    return home
+def _raised(rng: Rng) -> float:
+    """Height of a threshold: one that wheels pass, or one that they do not."""
+    return float(rng.uniform(0.015, 0.035) if rng.random() < 0.6 else rng.uniform(0.06, 0.16))
 
 
 def _floor(home: Home, rng: Rng) -> Home:
@@ -257,10 +237,18 @@ def _in_rooms(kind: str, kinds: tuple[str, ...]) -> Callable[[Home, Rng], Home]:
     return add
 
 
-def _at_sills(kind: str) -> Callable[[Home, Rng], Home]:
+def _at(
+    kind: str,
+    most: int = 2,
+    suits: Callable[[Portal], bool] = lambda portal: portal.is_open,
+    values: Callable[[Portal, Rng], dict[str, object]] = lambda portal, rng: {},
+) -> Callable[[Home, Rng], Home]:
+    """Changes up to `most` portals between rooms that suit."""
+
     def add(home: Home, rng: Rng) -> Home:
-        for index in _some(home, rng, lambda p: p.is_open, 2):
-            home = changed(home, index, kind)
+        inside = [i for i, p in enumerate(home.portals) if -1 not in p.rooms and suits(p)]
+        for index in [inside[int(k)] for k in rng.permutation(len(inside))[:most]]:
+            home = changed(home, index, kind, **values(home.portals[index], rng))
         return home
 
     return add
@@ -270,13 +258,17 @@ _ADD: dict[str, Callable[[Home, Rng], Home]] = {
     "stairs_down": _stairs("stairs_down"),
     "stairs_up": _stairs("stairs_up"),
     "step": _stairs("step"),
-    "threshold": _threshold,
+    "threshold": _at("threshold", 3, values=lambda _, rng: {"sill_top_m": _raised(rng)}),
     "floor": _floor,
-    "glass": _glass,
+    "glass": _at("glass", 3, lambda p: p.sill == 0, lambda p, _: glazed(p)),
     "mirror": _in_rooms("mirror", ("bedroom", "corridor", "living", "office")),
-    "curtain": _curtain,
+    "curtain": _at(
+        "curtain",
+        suits=lambda p: p.sill == 0 and p.width < 1.5,
+        values=lambda *_: {"state": "curtain", "angle_deg": 0.0},
+    ),
     "closet": _in_rooms("closet", ("bedroom", "corridor", "office", "living")),
-    "clutter": _at_sills("clutter"),
-    "pet": _at_sills("pet"),
-    "person": _at_sills("person"),
+    "clutter": _at("clutter"),
+    "pet": _at("pet"),
+    "person": _at("person"),
 }

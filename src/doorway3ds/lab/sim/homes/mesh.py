@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -23,17 +23,15 @@ class Mesh:
 
     def moved(self, xyz: tuple[float, float, float], yaw_deg: float = 0.0) -> Mesh:
         """Turned about z by `yaw_deg`, then shifted."""
-        turn = rotation_z(yaw_deg)
-        return Mesh(
-            self.vertices @ turn.T + np.asarray(xyz), self.normals @ turn.T, self.uv, self.faces
-        )
+        turned = self.turned(rotation_z(yaw_deg))
+        return replace(turned, vertices=turned.vertices + np.asarray(xyz))
 
     def grain_up(self) -> Mesh:
         """Texture turned by a quarter: the grain of an upright board."""
-        return Mesh(self.vertices, self.normals, self.uv[:, ::-1], self.faces)
+        return replace(self, uv=self.uv[:, ::-1])
 
     def turned(self, matrix: Float) -> Mesh:
-        return Mesh(self.vertices @ matrix.T, self.normals @ matrix.T, self.uv, self.faces)
+        return replace(self, vertices=self.vertices @ matrix.T, normals=self.normals @ matrix.T)
 
 
 def rotation_z(yaw_deg: float) -> Float:
@@ -213,7 +211,7 @@ def rod(
     x /= np.linalg.norm(x)
     turn = np.stack([x, np.cross(z, x), z], -1)
     bar = cylinder(radius, length, n=n).turned(turn)
-    return Mesh(bar.vertices + a, bar.normals, bar.uv, bar.faces)
+    return replace(bar, vertices=bar.vertices + a)
 
 
 def extrude(outline: list[tuple[float, float]], y0: float, y1: float) -> Mesh:

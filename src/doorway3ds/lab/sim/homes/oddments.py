@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -95,5 +96,5 @@ def pet(rng: Rng) -> Item:
         parts.append((coat, cylinder(0.022, 0.07, (sx * 0.05, 0.3, 0.53), 0.004, n=8)))
         for y in (-0.19, 0.19):
             parts.append((coat, rod((sx * 0.07, y, 0.0), (sx * 0.07, y, 0.34), 0.028)))
-    grown = [(p, type(m)(m.vertices * k, m.normals, m.uv, m.faces)) for p, m in parts]
+    grown = [(p, replace(m, vertices=m.vertices * k)) for p, m in parts]
     return Item("pet", (0.22 * k, 0.92 * k, 0.6 * k), tuple(grown))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from doorway3ds.lab.sim.homes import furnish, shell
 from doorway3ds.lab.sim.homes.apartment import Home, Room
 from doorway3ds.lab.sim.homes.furnish import Furnished
+from doorway3ds.lab.sim.homes.furniture import Part
 from doorway3ds.lab.sim.homes.hazards import FLOORS, GLASS
 from doorway3ds.lab.sim.homes.mesh import Mesh, box, join, rod, sheet
 from doorway3ds.lab.sim.homes.stairs import flight_parts, pierced, ticks
@@ -65,7 +67,11 @@ class Builder:
         else:
             group = paint
             uv = mesh.uv / textures.TILE_M[paint.rstrip("0123456789")]
-        self.groups[room, group].append(Mesh(mesh.vertices, mesh.normals, uv, mesh.faces))
+        self.groups[room, group].append(replace(mesh, uv=uv))
+
+    def add_all(self, room: int, parts: Iterable[Part]) -> None:
+        for paint, mesh in parts:
+            self.add(room, paint, mesh)
 
     def texture(self, name: str, picture: NDArray[np.float32]) -> None:
         self.pictures[name] = np.ascontiguousarray((np.clip(picture, 0, 1) * 255).astype(np.uint8))
@@ -128,9 +134,7 @@ def _room(
     for name, z, up in (("floor", 0.0, 1.0), ("ceiling", home.ceiling_m, -1.0)):
         whole = sheet(np.array([x0, y0, z]), eye[0], eye[1], us, vs, eye[2] * up)
         face = pierced(whole, [f for f in flights if f.pierces == name])
-        builder.add(
-            i, f"room:{name}{i}", Mesh(face.vertices, face.normals, face.uv / scale, face.faces)
-        )
+        builder.add(i, f"room:{name}{i}", replace(face, uv=face.uv / scale))
     builder.texture(f"floor{i}", surfaces.floor_picture(furnished, room, floor_tile, ppm))
     shine = rng.uniform(0, 0.45) if rng.random() < 0.7 else 0.0
     if home.style.get("floor") == FLOORS.index("shiny"):
@@ -151,17 +155,15 @@ def _room(
         mesh = shell.wall_mesh(home, room, span)
         inset = np.clip(mesh.uv[:, 0], 0.5 / ppm, length - 0.5 / ppm)
         uv = np.stack([(at + inset) / total, mesh.uv[:, 1] / home.ceiling_m], -1)
-        builder.add(i, f"room:walls{i}", Mesh(mesh.vertices, mesh.normals, uv, mesh.faces))
+        builder.add(i, f"room:walls{i}", replace(mesh, uv=uv))
         at += length
-        for paint, part in shell.baseboards(home, room, span, trim):
-            builder.add(i, paint, part)
+        builder.add_all(i, shell.baseboards(home, room, span, trim))
     builder.texture(f"walls{i}", np.concatenate(faces, axis=1))
     builder.material(f"room:walls{i}", f"walls{i}", 'specular="0"')
     r, g, b = wall_tile.mean((0, 1)) * 0.93
     colour = f"#{int(r * 255):02x}{int(g * 255):02x}{int(b * 255):02x}"
     for flight in flights:
-        for paint, part in flight_parts(flight, home.ceiling_m, colour):
-            builder.add(i, paint, part)
+        builder.add_all(i, flight_parts(flight, home.ceiling_m, colour))
     return colour
 
 
@@ -184,16 +186,13 @@ def _openings(
     for portal in home.portals:
         room = max(portal.rooms)
         outer = -1 in portal.rooms
-        for paint, mesh in shell.frame_parts(
-            home, portal, trim if outer else frame_paint, walls[room]
-        ):
-            builder.add(room, paint, mesh)
+        paint = trim if outer else frame_paint
+        builder.add_all(room, shell.frame_parts(home, portal, paint, walls[room]))
         leaf = shell.leaf_of(home, portal)
         if leaf is not None:
             kind = style if rng.random() < 0.8 else portal.style
             kind = GLASS if portal.style == GLASS else kind
-            for paint, mesh in shell.leaf_parts(leaf, kind, leaf_paint):
-                builder.add(room, paint, mesh)
+            builder.add_all(room, shell.leaf_parts(leaf, kind, leaf_paint))
             if kind == 5:
                 (x, y, z), yaw, (w, h) = shell.glass_of_leaf(leaf)
                 frosted = "0.85 0.9 0.9 0.75" if rng.random() < 0.6 else "0.8 0.9 0.9 0.2"
@@ -208,8 +207,7 @@ def _openings(
                 _glass(x, y, (low + high) / 2, yaw, width, high - low, "0.75 0.85 0.85 0.12")
             )
         if portal.state.startswith("sliding") and outer:
-            for paint, mesh in shell.balcony(home, portal):
-                builder.add(-1, paint, mesh)
+            builder.add_all(-1, shell.balcony(home, portal))
 
 
 def _curtains(builder: Builder, furnished: Furnished, rng: Rng) -> None:
@@ -309,9 +307,7 @@ def build(
     for rug in furnished.rugs:
         pile = box((rug.width, rug.depth, 0.008), (rug.x, rug.y, 0.004))
         uv = (pile.vertices[:, :2] - [rug.x, rug.y]) / [rug.width, rug.depth] + 0.5
-        builder.add(
-            rug.room, f"rug{rug.picture}", Mesh(pile.vertices, pile.normals, uv, pile.faces)
-        )
+        builder.add(rug.room, f"rug{rug.picture}", replace(pile, uv=uv))
     mirror_xml = []
     for k, m in enumerate(furnished.mirrors):
         # A box mirrors on its +z face only; the frame around it is the bigger box behind.

@@ -78,10 +78,6 @@ def edge_shade(height: int, width: int, ppm: float, sides: str = "lrbt") -> Pict
     return out.astype(np.float32)
 
 
-def _low_res(shape: tuple[int, int], ppm: float) -> tuple[int, int]:
-    return max(4, int(shape[0] / ppm * 8)), max(4, int(shape[1] / ppm * 8))
-
-
 def _lightmap(
     glow: Glow,
     start: NDArray[np.float64],
@@ -91,7 +87,7 @@ def _lightmap(
     shape: tuple[int, int],
     ppm: float,
 ) -> Picture:
-    rows, columns = _low_res(shape, ppm)
+    rows, columns = (max(4, int(size / ppm * 8)) for size in shape)  # eight a metre
     b = (np.arange(rows) + 0.5) / rows * shape[0] / ppm
     a = (np.arange(columns) + 0.5) / columns * shape[1] / ppm
     points = start + a[None, :, None] * u + b[:, None, None] * v

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera.model import Camera
-from doorway3ds.errors import CallError, UserError
+from doorway3ds.errors import CallError
+from doorway3ds.lab.sim.pictures.perceive import TruthNetwork
 from doorway3ds.sources.address import query
 from doorway3ds.sources.base import Source, View
-from doorway3ds.types import Frame, Perception
+from doorway3ds.types import Frame
 
 if TYPE_CHECKING:
+    from doorway3ds.lab.sim.pictures.truth import Truth
     from doorway3ds.lab.sim.robot.world import World
 
 SIZES = {"qvga": (320, 240), "vga": (640, 480)}
@@ -56,7 +57,7 @@ class SimSource(Source):
     def __init__(self, name: str, world: World, view: View, resolution: str = "vga") -> None:
         super().__init__(name)
         self.world, self._view = world, view
-        self.truth = TruthNetwork(world)
+        self.truth = TruthNetwork(self._seen)
         self._size = SIZES[resolution]
 
     def read(self, timeout_s: float | None = None) -> Frame | None:
@@ -68,24 +69,11 @@ class SimSource(Source):
             stamp_s = time.monotonic()  # drawing takes time that an exposure does not
         return self._view.frame(shot.rgb, stamp_s, camera=shot.camera, pose=shot.eye.pose)
 
+    def _seen(self) -> tuple[Truth, NDArray[np.float32]] | None:
+        shot = self.world.last
+        return None if shot is None else (shot.truth, shot.depth)
+
     def close(self) -> None:
         if not self.ended:
             self.ended = True
             self.world.studio.close()
-
-
-class TruthNetwork:
-    """The last picture's truth, as a network that makes no mistakes would report it."""
-
-    name = "truth"
-    gives = frozenset({"p_open", "columns", "depth", "floor"})
-
-    def __init__(self, world: World) -> None:
-        self._world = world
-
-    def __call__(self, image: NDArray[np.uint8], camera: Camera) -> Perception:
-        from doorway3ds.lab.sim.pictures.perceive import perceive
-
-        if self._world.last is None:
-            raise UserError("network truth knows only images of its source")
-        return perceive(self._world.last)[1]

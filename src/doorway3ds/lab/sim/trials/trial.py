@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Camera, wrapped_deg
 from doorway3ds.decide.pipeline import Pipeline
-from doorway3ds.lab.sim.pictures.perceive import perfect
+from doorway3ds.lab.sim.pictures.perceive import TruthNetwork
 from doorway3ds.lab.sim.pictures.truth import Truth
 from doorway3ds.lab.sim.robot.body import FastClock
 from doorway3ds.lab.sim.robot.world import SimRobot, Studio, World
@@ -25,7 +25,7 @@ from doorway3ds.networks.base import Network
 from doorway3ds.robots.base import Driver, TurnResult
 from doorway3ds.robots.loop import LoopParams, Outcome, TurnLoop
 from doorway3ds.sources.base import Source
-from doorway3ds.types import Decision, Frame, Perception
+from doorway3ds.types import Decision, Frame
 
 Method = Literal["opening", "paper"]
 SIZE = (320, 240)
@@ -90,23 +90,12 @@ class _Eyes(Source):
         self._clock.sleep(LOOK_S / 2)
         return Frame(image, self._camera, eye.pose, stamp)
 
+    def seen(self) -> tuple[Truth, NDArray[np.float32]] | None:
+        """Truth and depth of the last image."""
+        return None if self.shown is None else (self.shown, self.depth)
+
     def close(self) -> None:
         self.ended = True
-
-
-class _Truth:
-    """The truth of the last image, as a network that makes no mistakes would report it."""
-
-    name = "truth"
-    gives = frozenset({"p_open", "columns", "depth", "floor"})
-
-    def __init__(self, eyes: _Eyes) -> None:
-        self._eyes = eyes
-
-    def __call__(self, image: NDArray[np.uint8], camera: Camera) -> Perception:
-        if self._eyes.shown is None:
-            raise RuntimeError("a decision needs a look")
-        return perfect(self._eyes.shown, self._eyes.depth)
 
 
 class _Judge(SimRobot):
@@ -140,7 +129,7 @@ def play(
     world = World(studio, stage, clock=clock)
     eyes = _Eyes(world, clock, network is not None)
     robot = _Judge(world, eyes)
-    pipeline = Pipeline(network or _Truth(eyes), method)
+    pipeline = Pipeline(network or TruthNetwork(eyes.seen), method)
     goes: list[int] = []
 
     def note(line: str) -> None:

@@ -99,8 +99,8 @@ def run_trials(
                 jobs.append(Job(scene, seed + k, missing, network))
     progress(episodes * len(scenes) - len(jobs))
     with (out / EPISODES).open("a", encoding="utf-8") as file:
-        if _cut(out / EPISODES):
-            file.write("\n")
+        if file.tell() and not (out / EPISODES).read_bytes().endswith(b"\n"):
+            file.write("\n")  # a crash has cut the last line
         for played in _played(jobs, workers):
             for episode in played:
                 # A network's own name may be longer than the one it was asked for by.
@@ -158,12 +158,6 @@ def read_episodes(out: Path) -> list[Episode]:
             raise UserError(f"{path} was written by another version; name another folder by --out")
         found.append(Episode(**values))
     return found
-
-
-def _cut(path: Path) -> bool:
-    """Whether the last line was cut by a crash."""
-    text = path.read_bytes()
-    return bool(text) and not text.endswith(b"\n")
 
 
 @dataclass(frozen=True)

@@ -224,6 +224,9 @@ def fit(
     epochs = 0
     for number, stage in enumerate(config.stages):
         _thaw(net, stage)
+        slow: tuple[Sequence[Any], float] = (), 1.0
+        if config.encoder_rate != 1:
+            slow = net.encoder.trainable_variables, config.encoder_rate
         # what does not learn runs in ONNX Runtime, which is three times as fast on a CPU
         front, rest = split_at(net, stage.thaw)
         apart = front is not None and device_of(net.whole).type == "cpu"
@@ -254,7 +257,7 @@ def fit(
             stem=stem,
             identity=digest_of(same, [asdict(s) for s in config.stages[: number + 1]]),
             optimizer=_optimizer(stage, config),
-            slow=_slow(net, config),
+            slow=slow,
         )
         history += loop.run(run.resume)
         epochs += stage.epochs
@@ -269,12 +272,6 @@ def _thaw(net: DoorNet, stage: Stage) -> None:
         prefix, _, rest = layer.name.partition("_")
         if prefix == "sem" and rest[:2].isdigit():
             layer.trainable = int(rest[:2]) >= stage.thaw
-
-
-def _slow(net: DoorNet, config: FitConfig) -> tuple[Sequence[Any], float]:
-    if config.encoder_rate == 1:
-        return (), 1.0
-    return net.encoder.trainable_variables, config.encoder_rate
 
 
 def _optimizer(stage: Stage, config: FitConfig) -> Any:

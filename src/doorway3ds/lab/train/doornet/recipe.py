@@ -118,23 +118,12 @@ def read_recipe(path: Path | None = None) -> Recipe:
     if isinstance(costs, Mapping):
         costs = {key: _number(f"{name}: costs, {key}", value) for key, value in costs.items()}
     parts["costs"] = _build(Costs, costs, f"{name}, costs")
-    numbers = ("same_place", "closed_weight", "init_share", "first_share")
-    same_place, closed_weight, init_share, first_share = (
-        _number(f"{name}: {key}", values.pop(key, getattr(Recipe, key))) for key in numbers
-    )
-    for key, share in (("init_share", init_share), ("first_share", first_share)):
-        if share > 1:
-            raise UserError(f"{name}: {key} must be a share from 0 to 1, got {share:g}")
+    for key in ("same_place", "closed_weight", "init_share", "first_share"):
+        parts[key] = _number(f"{name}: {key}", values.pop(key, getattr(Recipe, key)))
+        if key.endswith("_share") and parts[key] > 1:
+            raise UserError(f"{name}: {key} must be a share from 0 to 1, got {parts[key]:g}")
     for key in ("shares", "portrait_shares"):
         if key in values:
             values[key] = _shares(f"{name}: {key}", values[key])
     fit = _build(FitConfig, {**values, "stages": tuple(stages)}, name)
-    return Recipe(
-        fit=fit,
-        text=text,
-        same_place=same_place,
-        closed_weight=closed_weight,
-        init_share=init_share,
-        first_share=first_share,
-        **parts,
-    )
+    return Recipe(fit=fit, text=text, **parts)

@@ -65,7 +65,8 @@ class Goal:
 
     def value(self, metrics: DirectionMetrics) -> float:
         """Larger is better; an excess over a bound costs four times its size."""
-        none, blocked, clear = (_known(metrics[name].value) for name in RATES)
+        rates = (metrics[name].value for name in RATES)
+        none, blocked, clear = (0.0 if math.isnan(rate) else rate for rate in rates)
         excess = max(0.0, blocked - self.when_blocked) + max(0.0, none - self.without_door)
         # a little for staying below the bounds, so that ties go to the safer limits
         return clear - 4 * excess - 0.2 * (blocked + none)
@@ -77,10 +78,6 @@ GOALS = {
     "balanced": Goal(0.04, 0.12),
     "eager": Goal(0.08, 0.22, (0.3, 0.4, 0.5)),
 }
-
-
-def _known(value: float) -> float:
-    return 0.0 if value != value else value
 
 
 @dataclass

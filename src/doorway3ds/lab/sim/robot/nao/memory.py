@@ -74,13 +74,16 @@ def devices(nao: VirtualNao) -> dict[str, Callable[[], Any]]:
         out[f"{at}Position/Sensor/Value"] = partial(body.angle, joint)
         out[f"{at}Position/Actuator/Value"] = partial(body.goal, joint)
         out[f"{at}Hardness/Actuator/Value"] = partial(body.stiffness, joint)
-        out[f"{at}ElectricCurrent/Sensor/Value"] = partial(_current, nao, joint)
+        out[f"{at}ElectricCurrent/Sensor/Value"] = lambda j=joint: 0.1 * body.stiffness(j)  # type: ignore[misc]
         out[f"{at}Temperature/Sensor/Value"] = lambda: 38.0
         out[f"{at}Temperature/Sensor/Status"] = lambda: 0
     for name in body.model.sonars:
         if body.model.name == "nao":
-            for echo in ("", *"123456789"):
-                out[f"{base}US/{name}/Sensor/Value{echo}"] = partial(_echo, nao, name, echo)
+            # There is but one echo, and the keys of the later ones hold 0.
+            for echo in ("", "1"):
+                out[f"{base}US/{name}/Sensor/Value{echo}"] = partial(sonar, nao, name)
+            for echo in "23456789":
+                out[f"{base}US/{name}/Sensor/Value{echo}"] = lambda: 0.0
         else:
             out[f"{base}Platform/{name}/Sonar/Sensor/Value"] = partial(sonar, nao, name)
     for part in touch_sensors(body.model.name):
@@ -90,27 +93,17 @@ def devices(nao: VirtualNao) -> dict[str, Callable[[], Any]]:
     out[f"{base}Battery/Current/Sensor/Value"] = lambda: -1.2 if body.awake else -0.6
     out[f"{base}Battery/Temperature/Sensor/Value"] = lambda: 38.0
     for axis in "XYZ":
-        gyro, acceleration = partial(_gyro, nao, axis), partial(_acceleration, nao, axis)
-        for kind in ("Gyr", "Gyroscope"):
-            out[f"{base}InertialSensor/{kind}{axis}/Sensor/Value"] = gyro
-        for kind in ("Acc", "Accelerometer"):
-            out[f"{base}InertialSensor/{kind}{axis}/Sensor/Value"] = acceleration
-        out[f"{base}InertialSensor/Angle{axis}/Sensor/Value"] = partial(_lean, nao, axis)
+        for kind, read in (
+            *(("Gyr", _gyro), ("Gyroscope", _gyro), ("Acc", _acceleration)),
+            *(("Accelerometer", _acceleration), ("Angle", _lean)),
+        ):
+            out[f"{base}InertialSensor/{kind}{axis}/Sensor/Value"] = partial(read, nao, axis)
     if body.model.name == "nao":
         for foot in "LR":
             for where in ("FrontLeft", "FrontRight", "RearLeft", "RearRight"):
                 out[f"{base}{foot}Foot/FSR/{where}/Sensor/Value"] = partial(_weight, nao, 1 / 8)
             out[f"{base}{foot}Foot/FSR/TotalWeight/Sensor/Value"] = partial(_weight, nao, 1 / 2)
     return out
-
-
-def _current(nao: VirtualNao, joint: str) -> float:
-    return 0.1 * nao.body.stiffness(joint)
-
-
-def _echo(nao: VirtualNao, name: str, echo: str) -> float:
-    """The first echo; there is but one, and no echo is 0 in the keys of the later ones."""
-    return sonar(nao, name) if echo in ("", "1") else 0.0
 
 
 def _lean(nao: VirtualNao, axis: str) -> float:

@@ -39,7 +39,9 @@ def read_marks(path: Path) -> dict[str, Mark]:
                 f"and confidence 1..3, got {row}"
             ) from error
         seen = found.get(row["image"])
-        found[row["image"]] = mark if seen is None else _both(seen, mark)
+        if seen is not None:
+            mark = Mark(seen.spans + mark.spans, min(seen.weight, mark.weight))
+        found[row["image"]] = mark
     return found
 
 
@@ -52,10 +54,6 @@ def _mark(row: Mapping[str, str]) -> Mark:
         raise ValueError
     clear = {"": None, "0": 0, "1": 1}[row["clear"]]
     return Mark(((left, right, clear),), weight)
-
-
-def _both(one: Mark, other: Mark) -> Mark:
-    return Mark(one.spans + other.spans, min(one.weight, other.weight))
 
 
 def apply_marks(samples: Sequence[Sample], marks: Mapping[str, Mark]) -> list[Sample]:
