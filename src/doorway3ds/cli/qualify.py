@@ -16,7 +16,7 @@ from doorway3ds.cli.shared.training import Watch, command_line
 from doorway3ds.decide.options import PACKAGED
 from doorway3ds.errors import CallError
 from doorway3ds.files import write_bytes
-from doorway3ds.lab.train.options import SiteOptions
+from doorway3ds.lab.train.options import SiteOptions, TuneOptions
 from doorway3ds.options import setting
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ def qualify(
     ],
     camera: LensOptions,
     site: SiteOptions,
+    tuning: TuneOptions,
     network: str = setting(
         PACKAGED, "Network to start from: doornet or a site model.", metavar="NAME|FILE"
     ),
@@ -53,11 +54,7 @@ def qualify(
     hold_out: float = setting(
         0.4, "Share of the images held out to judge the result.", low=0.1, high=0.8
     ),
-    epochs: int = setting(12, "Largest number of epochs of each of the two stages.", low=1),
-    learning_rate: float = setting(3e-4, "Learning rate of the heads; the decoder's is a third."),
-    batch: int = setting(8, "Images per step.", low=1),
     repeats: int = setting(2000, "Bootstrap resamples.", low=100),
-    seed: int = setting(0, "Seed of everything drawn at random."),
     licence: str | None = setting(None, "Licence of the images, noted on the card."),
     threads: int | None = setting(None, "CPU threads; default: all.", low=1),
 ) -> None:
@@ -67,15 +64,12 @@ def qualify(
     """
     if out.suffix != ".onnx":
         raise CallError(f"--out must be the site model's file, such as site.onnx, got {out}")
-    if not learning_rate > 0:
-        raise CallError(f"--learning-rate must be above 0, got {learning_rate:g}")
     if answers and len(answers) != 2:
         raise CallError("--answers compares two networks; give it twice, before and after")
     from doorway3ds.camera.choice import choose_camera
     from doorway3ds.lab.train.engine import backend as engine
     from doorway3ds.lab.train.engine import outcome
     from doorway3ds.lab.train.engine.training import Run
-    from doorway3ds.lab.train.site.fit import TuneOptions
     from doorway3ds.lab.train.site.qualify import (
         SiteTraining,
         compare_answers,
@@ -92,24 +86,24 @@ def qualify(
     count = Progress()
     facts = {"data": str(folder), "network": network, "command": command_line(), "licence": licence}
     with tempfile.TemporaryDirectory(prefix="3ds-qualify-") as scratch:
-        run = Run(Path(scratch), watcher=_Brief(epochs), seen=count, facts=facts)
+        run = Run(Path(scratch), watcher=_Brief(tuning.epochs), seen=count, facts=facts)
         try:
             pictures = read_site(
                 folder,
-                site.choice(seed),
+                site.choice(tuning.seed),
                 places=site.read_places(),
                 camera=None if chosen is None else (chosen.fit, chosen.pose),
                 seen=run.seen,
             )
             if answers:
                 count.clear()
-                comparison = compare_answers(pictures, answers[0], answers[1], repeats, seed)
+                comparison = compare_answers(pictures, answers[0], answers[1], repeats, tuning.seed)
                 verdict = judge(comparison, 0.0)  # depth is not stored
                 _print(comparison, {"held_out": comparison, **vars(verdict)}, json_file)
                 word = "better" if verdict.better else "not better"
                 _tell(f"{word}: {verdict.why}; depth is not compared", json_file)
                 return
-            parts = part(pictures, hold_out, seed)
+            parts = part(pictures, hold_out, tuning.seed)
             say(
                 f"{len(pictures.samples)} images, {len(set(pictures.groups))} places by "
                 f"{pictures.grouping}: learns from {len(parts.learn)}, chooses by "
@@ -123,7 +117,7 @@ def qualify(
                 parts,
                 start,
                 run,
-                TuneOptions(epochs, learning_rate, batch, seed=seed),
+                tuning,
                 replay=with_ or (),
                 hold_out=hold_out,
                 repeats=repeats,

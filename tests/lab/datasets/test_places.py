@@ -7,6 +7,7 @@ import pytest
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.lab.datasets import places as groups
 from doorway3ds.lab.datasets.samples import Sample
+from doorway3ds.lab.train.options import GroupOptions
 from tests.factories import room
 
 
@@ -74,5 +75,5 @@ def test_groups_by_pattern_and_its_refusals(tmp_path) -> None:  # type: ignore[n
         named("(")
     with pytest.raises(UserError, match=r"is not found in room2\.jpg"):
         named("(room1)")
-    with pytest.raises(CallError, match="--group must be"):
-        groups.name_groups(samples, [], places_known=False, grouping="magic")
+    with pytest.raises(CallError, match="group must be one of auto, near, folder"):
+        GroupOptions(group="magic")

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.errors import CallError, UserError
+from doorway3ds.errors import UserError
 from doorway3ds.lab.datasets import places as groups
 from doorway3ds.lab.datasets.csvfile import csv_columns, csv_rows
 from doorway3ds.lab.datasets.places import ALL, Choice, Pictures, Seen, unseen
@@ -18,7 +18,6 @@ from doorway3ds.lab.datasets.readers import CLASS_FOLDERS, read_dataset
 from doorway3ds.lab.datasets.samples import Sample, load_frame
 
 NO_DOOR, OPEN_DOOR = "no-door", "open-door"
-HALF_OPEN = ("leave-out", "open", "not-open")
 _CLASS_COLUMNS = ("class", "label", "state", "open")
 _GROUP_COLUMNS = ("group", "place")
 
@@ -49,7 +48,6 @@ def read_door_pictures(
 
     Raises UserError where a class is empty.
     """
-    require_half_open(choice.half_open)
     if path.suffix.lower() == ".csv" and path.is_file():
         samples, known = _read_csv(path)
         if places is not None:
@@ -58,12 +56,6 @@ def read_door_pictures(
         data = read_dataset(path, layout, places)
         samples, known = list(data.samples), data.places_known
     return check_pictures(samples, path, choice, places_known=known, seen=seen)
-
-
-def require_half_open(half_open: str) -> None:
-    """CallError for what is none of HALF_OPEN."""
-    if half_open not in HALF_OPEN:
-        raise CallError(f"--half-open must be {', '.join(HALF_OPEN)}, got {half_open!r}")
 
 
 def check_pictures(

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.lab.datasets.samples import Sample
 
-GROUPINGS = ("auto", "near", "folder")
 BITS = 63
 NEAR = 10  # bits in which two pictures of one view differ at most, of BITS
 _SIDE, _LOW = 32, 8
@@ -189,8 +188,6 @@ def name_groups(
     near-duplicates; `near` always near-duplicates; `folder` the folder a picture lies in.
     pattern: instead, a regular expression whose first group is the place, searched in the name.
     """
-    if grouping not in GROUPINGS:
-        raise CallError(f"--group must be {', '.join(GROUPINGS)}, got {grouping!r}")
     if pattern is not None:
         return _by_pattern([s.name for s in samples], pattern), f"pattern {pattern}"
     if grouping == "folder":

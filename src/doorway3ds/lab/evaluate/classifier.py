@@ -51,7 +51,6 @@ def score(
     records: Sequence[ClassifierRecord],
     threshold: float = 0.5,
     repeats: int = 2000,
-    seed: int = 0,
 ) -> ClassifierMetrics:
     """Accuracy, balanced accuracy, AUC, calibration error and the rest; open = p >= threshold."""
     truth = np.array([r.is_open for r in records], bool)
@@ -68,7 +67,7 @@ def score(
         return np.array([c.accuracy, c.balanced_accuracy, metrics.auc(t, q), ece])
 
     names = ("accuracy", "balanced_accuracy", "auc", "ece")
-    drawn = intervals.bootstrap(statistic, places, [len(records)] * len(names), repeats, seed)
+    drawn = intervals.bootstrap(statistic, places, [len(records)] * len(names), repeats)
     by_place = [
         intervals.widened(value, share="accuracy" in name)
         for name, value in zip(names, drawn, strict=True)

@@ -70,7 +70,7 @@ def compare(
     return DepthRecord(image, place, depth_errors(resized, truth_m, box, limits_m))
 
 
-def score(records: Sequence[DepthRecord], repeats: int = 2000, seed: int = 0) -> DepthMetrics:
+def score(records: Sequence[DepthRecord], repeats: int = 2000) -> DepthMetrics:
     """Means over the pictures that have any compared pixel."""
     known = [r for r in records if r.errors.pixels]
     places = [r.place for r in known]
@@ -78,7 +78,7 @@ def score(records: Sequence[DepthRecord], repeats: int = 2000, seed: int = 0) ->
     mean, pooled = {}, {}
     for name in MEASURES:
         values = np.array([getattr(r.errors, name) for r in known], float)
-        mean[name] = mean_interval(values, places, repeats, seed)
+        mean[name] = mean_interval(values, places, repeats)
         if not known:
             pooled[name] = math.nan
         elif name == "rmse":

@@ -204,19 +204,14 @@ def judge(record: DirectionRecord, tolerance_deg: float = TOLERANCE_DEG) -> Outc
     )
 
 
-def score(
-    records: Sequence[DirectionRecord],
-    repeats: int = 2000,
-    seed: int = 0,
-    confidence: float = 0.95,
-) -> DirectionMetrics:
+def score(records: Sequence[DirectionRecord], repeats: int = 2000) -> DirectionMetrics:
     """All of `METRICS` over the records; intervals by resampling places.
 
     `repeats` 0 leaves the intervals out (nan), for use during training.
     """
     places = [record.truth.place for record in records]
     statistic, counts = _statistic(records)
-    values = intervals.bootstrap(statistic, places, counts, repeats, seed, confidence)
+    values = intervals.bootstrap(statistic, places, counts, repeats)
     return DirectionMetrics(
         pictures=len(records),
         doorway_pictures=sum(bool(record.truth.openings) for record in records),
@@ -232,8 +227,6 @@ def difference(
     first: Sequence[DirectionRecord],
     second: Sequence[DirectionRecord],
     repeats: int = 2000,
-    seed: int = 0,
-    confidence: float = 0.95,
 ) -> dict[str, Interval]:
     """`second - first` per metric, paired by picture and place.
 
@@ -244,7 +237,7 @@ def difference(
     places = [record.truth.place for record in first]
     a, counts = _statistic(first)
     b, _ = _statistic(second)
-    values = intervals.paired_difference(a, b, places, counts, repeats, seed, confidence)
+    values = intervals.paired_difference(a, b, places, counts, repeats)
     return dict(zip(METRICS, values, strict=True))
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+CONFIDENCE = 0.95  # of every interval
 Indices = NDArray[np.intp]
 # (n,) picture indices, with repeats -> (M,) values, nan where undefined
 Statistic = Callable[[Indices], NDArray[np.floating[Any]]]
@@ -46,13 +47,13 @@ def plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def wilson(successes: int, n: int, confidence: float = 0.95) -> Interval:
+def wilson(successes: int, n: int) -> Interval:
     """Wilson score interval of a share of independent trials (Wilson 1927)."""
     if not 0 <= successes <= n:
         raise ValueError(f"successes must lie in 0..n, got {successes} of {n}")
     if n == 0:
         return Interval(math.nan, math.nan, math.nan, 0)
-    z = NormalDist().inv_cdf((1 + confidence) / 2)
+    z = NormalDist().inv_cdf((1 + CONFIDENCE) / 2)
     share = successes / n
     scale = 1 + z * z / n
     middle = (share + z * z / (2 * n)) / scale
@@ -69,7 +70,6 @@ def bootstrap(
     counts: Sequence[int],
     repeats: int = 2000,
     seed: int = 0,
-    confidence: float = 0.95,
 ) -> list[Interval]:
     """Values of `statistic` on all pictures with the percentile interval over resampled places.
 
@@ -81,7 +81,7 @@ def bootstrap(
     draws = np.empty((0, len(value)))
     if repeats > 0 and len(set(places)) > 1:
         draws = np.stack([statistic(indices) for indices in _resamples(places, repeats, seed)])
-    tail = (1 - confidence) / 2
+    tail = (1 - CONFIDENCE) / 2
     found = []
     for m, count in enumerate(counts):
         low = high = math.nan
@@ -100,7 +100,6 @@ def paired_difference(
     counts: Sequence[int],
     repeats: int = 2000,
     seed: int = 0,
-    confidence: float = 0.95,
 ) -> list[Interval]:
     """`second - first` with its interval, both computed on the same resampled places.
 
@@ -111,17 +110,15 @@ def paired_difference(
     def difference(indices: Indices) -> NDArray[np.floating[Any]]:
         return np.asarray(second(indices)) - np.asarray(first(indices))
 
-    return bootstrap(difference, places, counts, repeats, seed, confidence)
+    return bootstrap(difference, places, counts, repeats, seed)
 
 
-def mean_interval(
-    values: ArrayLike, places: Sequence[str], repeats: int = 2000, seed: int = 0
-) -> Interval:
+def mean_interval(values: ArrayLike, places: Sequence[str], repeats: int = 2000) -> Interval:
     """Mean of the known (not nan) values with its interval by place."""
     array = np.asarray(values, float)
     known = int(np.sum(~np.isnan(array)))
     (found,) = bootstrap(
-        lambda indices: np.array([nan_mean(array[indices])]), places, [known], repeats, seed
+        lambda indices: np.array([nan_mean(array[indices])]), places, [known], repeats
     )
     return widened(found)
 

@@ -84,12 +84,7 @@ def kind_under(labels: NDArray[np.uint8], frame: Frame, left_deg: float, right_d
     return best if of_kind[best] > counts.max() else ""
 
 
-def score(
-    records: Sequence[DirectionRecord],
-    repeats: int = 2000,
-    seed: int = 0,
-    confidence: float = 0.95,
-) -> dict[str, KindScore]:
+def score(records: Sequence[DirectionRecord], repeats: int = 2000) -> dict[str, KindScore]:
     """By kind, ANY first and NONE last; intervals by resampling the places of all records.
 
     Empty where no picture names a kind.
@@ -119,7 +114,7 @@ def score(
         return np.where(n > 0, np.nansum(drawn, axis=0) / np.maximum(n, 1), math.nan)
 
     counts = np.sum(~np.isnan(table), axis=0).tolist()
-    drawn = intervals.bootstrap(shares, places, counts, repeats, seed, confidence)
+    drawn = intervals.bootstrap(shares, places, counts, repeats)
     found = [intervals.widened(value, share=True) for value in drawn]
     return {
         kind: KindScore(

@@ -26,6 +26,7 @@ class GroupOptions(Options):
         "auto",
         "Groups that stay whole: auto (places named by the data, else near-duplicates), near or "
         "folder.",
+        choices=("auto", "near", "folder"),
     )
     group_pattern: str | None = option(
         None, "Pattern whose first group in the file's name is the place.", metavar="REGEX"
@@ -52,7 +53,11 @@ class SiteOptions(GroupOptions):
     """The same of pictures with and without an open doorway."""
 
     places: Path | None = option(None, "CSV with columns image, place.", metavar="FILE")
-    half_open: str = option("leave-out", "Class of half-open doors: leave-out, open or not-open.")
+    half_open: str = option(
+        "leave-out",
+        "Class of half-open doors: leave-out, open or not-open.",
+        choices=("leave-out", "open", "not-open"),
+    )
 
     def read_places(self) -> dict[str, str] | None:
         """The place of each picture by name; None unless a file says it."""
@@ -140,6 +145,21 @@ class DepthOptions(TrainOptions):
     half_decoder: bool = option(
         False, "Halve the number of filters: the default of the paper's code."
     )
+
+
+@dataclass(frozen=True)
+class TuneOptions(Options):
+    """How a network is fine-tuned for a site."""
+
+    panel: ClassVar[str] = "Training"
+    patience: ClassVar[int] = 3  # epochs without gain after which a stage ends
+
+    epochs: int = option(12, "Largest number of epochs of each of the two stages.", low=1)
+    learning_rate: float = option(
+        3e-4, "Learning rate of the heads; the decoder's is a third.", low=1e-12
+    )
+    batch: int = option(8, "Images per step.", low=1)
+    seed: int = option(0, "Seed of everything drawn at random.")
 
 
 @dataclass(frozen=True)

@@ -298,7 +298,7 @@ def result(
         "verdict": [verdict(rows), floor_verdict([row.row for row in rows])],
         "tables_1_and_2": [{"truth_open": a.is_open, **a.decision.to_dict(a.name)} for a in answers]
         or None,
-        "table_2": {"printed": _counts(printed.TABLE_2), "here": here and _counts(here)},
+        "table_2": {"printed": vars(printed.TABLE_2), "here": here and vars(here)},
         "epochs": [
             {
                 "epochs": epochs,
@@ -309,10 +309,6 @@ def result(
         ],
         "not_rerun": list(printed.NOT_RERUN),
     }
-
-
-def _counts(c: Confusion) -> dict[str, int]:
-    return {"tn": c.tn, "fp": c.fp, "tp": c.tp, "fn": c.fn}
 
 
 def _degrees(value: float | None, digits: int = 3) -> str:

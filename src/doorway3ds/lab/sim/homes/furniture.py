@@ -42,15 +42,10 @@ class Item:
 Maker = Callable[[Rng], Item]
 
 
-def picture(
-    width: float, height: float, centre: tuple[float, float, float], flat: bool = False
-) -> Mesh:
-    """A panel facing +y (or up) with uv 0..1."""
-    up = Y if flat else Z
-    normal = Z if flat else Y
-    right = X if flat else -X
-    start = np.asarray(centre, float) - right * width / 2 - up * height / 2
-    panel = sheet(start, right, up, np.array([0.0, width]), np.array([0.0, height]), normal)
+def picture(width: float, height: float, centre: tuple[float, float, float]) -> Mesh:
+    """A panel facing +y with uv 0..1."""
+    start = np.asarray(centre, float) + X * width / 2 - Z * height / 2
+    panel = sheet(start, -X, Z, np.array([0.0, width]), np.array([0.0, height]), Y)
     return Mesh(panel.vertices, panel.normals, panel.uv / [width, height], panel.faces)
 
 

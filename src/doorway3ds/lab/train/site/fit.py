@@ -28,6 +28,7 @@ from doorway3ds.lab.train.engine.backend import device_of
 from doorway3ds.lab.train.engine.calibrate import platt
 from doorway3ds.lab.train.engine.loop import Row
 from doorway3ds.lab.train.engine.training import Run
+from doorway3ds.lab.train.options import TuneOptions
 from doorway3ds.lab.train.site.score import MAX_DEPTH_CHANGE
 from doorway3ds.networks.doornet import DoorNet as Runtime
 
@@ -40,17 +41,6 @@ _AUGMENT = AugmentConfig(whole=0.6, min_zoom=0.7, occluder=0.1)
 _UNTRAINED = ("segments", "own_head")
 _OPENINGS = LossWeights(p_open=1.0, depth=0.0, gradient=0.0, floor=0.0, segments=0.0)
 _ALL = replace(_OPENINGS, depth=1.0, gradient=0.5, floor=0.5)
-
-
-@dataclass(frozen=True)
-class TuneOptions:
-    """epochs: of each stage at most. patience: epochs without gain after which a stage ends."""
-
-    epochs: int = 12
-    learning_rate: float = 3e-4
-    batch: int = 8
-    patience: int = 3
-    seed: int = 0
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from doorway3ds.camera.model import Pose
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.files import write_bytes
 from doorway3ds.lab.datasets import places as groups
-from doorway3ds.lab.datasets.doors import DoorPictures, check_pictures, require_half_open
+from doorway3ds.lab.datasets.doors import DoorPictures, check_pictures
 from doorway3ds.lab.datasets.places import ALL, Choice, Seen, unseen
 from doorway3ds.lab.datasets.readers import CLASS_FOLDERS, guess_layout, read_dataset
 from doorway3ds.lab.datasets.samples import Sample as Picture
@@ -38,11 +38,11 @@ from doorway3ds.lab.train.doornet.export import export_onnx
 from doorway3ds.lab.train.doornet.restore import restore
 from doorway3ds.lab.train.engine.loop import Row
 from doorway3ds.lab.train.engine.training import Run, Training
+from doorway3ds.lab.train.options import TuneOptions
 from doorway3ds.lab.train.site import score
 from doorway3ds.lab.train.site.fit import (
     BEFORE,
     SITE,
-    TuneOptions,
     depth_change,
     keep_depth,
     tune,
@@ -97,7 +97,6 @@ def read_site(
     Where both are there, the table's word counts for the pictures that it names. camera: of
     those that bring none. Raises UserError where there are too few, saying how many are needed.
     """
-    require_half_open(choice.half_open)
     if not folder.is_dir():
         raise UserError(f"expected a folder of images, got {folder}")
     layout = guess_layout(folder)
@@ -248,7 +247,11 @@ class SiteTraining(Training):
             "near_copies_across_the_split": self.parts.leaks,
             "replayed": others,
             "left_out": dict(self.pictures.left_out),
-            "options": {**asdict(self.options), "hold_out": self.hold_out},
+            "options": {
+                **asdict(self.options),
+                "patience": self.options.patience,
+                "hold_out": self.hold_out,
+            },
             "learned": self.tuned.stage,
             "losses_of_openings": self.tuned.losses,
             "calibration": asdict(self.tuned.calibration),
