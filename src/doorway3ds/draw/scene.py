@@ -58,7 +58,10 @@ def paint_corridor(view: View, corridor: ArrayLike, clear: bool | None) -> None:
     cv2.fillPoly(mask, [fixed(points)], 255, cv2.LINE_8, SHIFT)
     outline = np.concatenate([points, points[:1]])
     if clear is None:
-        dashed(view, _inside(outline, view), WHITE, 1.4)
+        # Corners near the canvas, so that dashing a far-away one cannot take forever.
+        margin = 50.0
+        near = np.clip(outline, [-margin] * 2, [view.width + margin, view.height + margin])
+        dashed(view, near, WHITE, 1.4)
         return
     color = GREEN if clear else VERMILLION
     tint(view, mask, color, 0.42 if clear else 0.26)
@@ -66,12 +69,6 @@ def paint_corridor(view: View, corridor: ArrayLike, clear: bool | None) -> None:
         _hatch(view, mask, color)
     stroke(view.canvas, outline, WHITE, view.thick(1.6) + 2 * view.thick(0.6))
     stroke(view.canvas, outline, color, view.thick(1.6))
-
-
-def _inside(points: NDArray[np.float64], view: View) -> NDArray[np.float64]:
-    """Keep corners near the canvas, so that dashing a far-away corner cannot take forever."""
-    margin = 50.0
-    return np.clip(points, [-margin] * 2, [view.width + margin, view.height + margin])
 
 
 def _hatch(view: View, mask: NDArray[np.uint8], color: Color) -> None:
@@ -227,7 +224,10 @@ def paint_candidate(view: View, opening: Opening) -> None:
 
 def paint_aim(view: View, pixel: tuple[int, int], color: Color = AZURE) -> None:
     """A ring with a dot at the aimed (row, column)."""
-    at = (view.x(pixel[1]), view.y(pixel[0]))
+    _ring(view, (view.x(pixel[1]), view.y(pixel[0])), color)
+
+
+def _ring(view: View, at: tuple[float, float], color: Color) -> None:
     for radius, ring in ((9.5, INK), (8.5, WHITE), (5.8, INK), (5.0, color)):
         disc(view.canvas, at, radius * view.unit, ring)
 
@@ -268,9 +268,7 @@ def paint_paper_pixels(view: View, decision: Decision, labels: bool = True) -> N
             s = size * grow
             fill(view.canvas, [(x - s, y), (x, y - s), (x + s, y), (x, y + s)], color)
     if "best" in marks:
-        x, y = marks["best"]
-        for radius, color in ((9.5, INK), (8.5, WHITE), (5.8, INK), (5.0, AZURE)):
-            disc(view.canvas, (x, y), radius * view.unit, color)
+        _ring(view, marks["best"], AZURE)
     for x, y in marks.values():
         s = 9.5 * view.unit
         view.taken.append((x - s, y - s, x + s, y + s))

@@ -99,18 +99,18 @@ def facts(decision: Decision) -> list[Fact]:
         bearing = "none" if selection.bearing_deg is None else signed(selection.bearing_deg)
         way = {True: "free", False: "blocked", None: "not seen"}[selection.clear]
         distance = _metres(selection.range_m) or "unknown"
+        off_deg, seen = decision.perception.bearing_error_deg, decision.perception
+        told = off_deg is not None and bearing != "none" and decision.method != "paper"
+        off_m = _metres(seen.range_error_m(selection.range_m))
+        floor = _metres(selection.floor_from_m)
         found = [
-            Fact("Bearing", bearing, _bearing_error(decision)),
-            Fact("Distance", distance, _error(decision)),
-            Fact("Way", way, _floor(decision)),
+            Fact("Bearing", bearing, f"measured error ± {off_deg:.1f}°" if told else ""),
+            Fact("Distance", distance, f"measured error ± {off_m}" if off_m else ""),
+            Fact("Way", way, f"floor in view from {floor} on" if floor else ""),
         ]
     else:
         found = [Fact("Bearing", "none"), Fact("Distance", "none"), Fact("Way", "not judged")]
-    paper = _paper(decision)
-    if paper is not None:
-        found.append(paper)
-    else:
-        found.append(_openings(decision))
+    found.append(_paper(decision) or _openings(decision))
     camera = decision.frame.camera
     view = f"{camera.hfov_deg:.1f}° × {camera.vfov_deg:.1f}°"
     label = "Camera, assumed" if camera.assumed else "Camera"
@@ -128,23 +128,6 @@ def _camera_name(camera: Camera) -> str:
     if camera.assumed and name.startswith("assumed "):
         return f"{name.removeprefix('assumed ')} over the longer side"
     return name
-
-
-def _bearing_error(decision: Decision) -> str:
-    error = decision.perception.bearing_error_deg
-    if error is None or decision.selection.bearing_deg is None or decision.method == "paper":
-        return ""
-    return f"measured error ± {error:.1f}°"
-
-
-def _error(decision: Decision) -> str:
-    error = _metres(decision.perception.range_error_m(decision.selection.range_m))
-    return "" if error is None else f"measured error ± {error}"
-
-
-def _floor(decision: Decision) -> str:
-    distance = _metres(decision.selection.floor_from_m)
-    return "" if distance is None else f"floor in view from {distance} on"
 
 
 def _openings(decision: Decision) -> Fact:

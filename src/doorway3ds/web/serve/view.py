@@ -32,10 +32,7 @@ def view_of(decision: Decision) -> dict[str, Any]:
         "height": camera.height,
         "headline": headline(decision),
         "sentence": sentence(decision),
-        "facts": [
-            {"label": fact.label, "value": fact.value, "note": fact.note}
-            for fact in (*facts(decision), reason)
-        ],
+        "facts": [vars(fact) for fact in (*facts(decision), reason)],
         "field_of_view_deg": [left, right],
         "openings": [opening.to_dict() for opening in selection.openings],
         "pixel": list(selection.pixel) if shown and selection.pixel is not None else None,
