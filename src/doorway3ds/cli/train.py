@@ -10,12 +10,10 @@ import typer
 from doorway3ds.cli.shared.options import expand
 from doorway3ds.cli.shared.output import say
 from doorway3ds.cli.shared.training import running as run_of
-from doorway3ds.decide.options import PACKAGED
-from doorway3ds.errors import CallError
 from doorway3ds.lab.train.options import (
-    PRECISIONS,
     ClassOptions,
     DepthOptions,
+    DoornetOptions,
     FileOptions,
     PairOptions,
     RunOptions,
@@ -42,6 +40,7 @@ def top() -> None:
 @expand
 def doornet(
     running: RunOptions,
+    options: DoornetOptions,
     datasets: Annotated[
         list[Path], typer.Argument(help="Folders with doorways.csv or boxes.csv beside images/.")
     ],
@@ -49,38 +48,6 @@ def doornet(
         Path, typer.Option(help="Folder with the ONNX files that training starts from.")
     ],
     out: Out = Path("runs/doornet"),
-    recipe: Path | None = setting(None, "Recipe, a YAML file; default: the packaged one."),
-    hold_out: str | None = setting(
-        None, "Keep fold K of N of the places for calibration.", metavar="K/N"
-    ),
-    report: int | None = setting(
-        None, "Keep fold K out of both training and calibration.", metavar="K"
-    ),
-    marks: Path | None = setting(
-        None, "CSV with exact openings for images that lack them.", metavar="FILE"
-    ),
-    calibration: Path | None = setting(
-        None,
-        "Take the calibration of a held-out run's doornet.json, to train on everything.",
-        metavar="CARD",
-    ),
-    init: Path | None = setting(None, "Weights of an earlier run to start from.", metavar="FILE"),
-    unmarked: list[Path] | None = setting(
-        None, "Learn from unmarked photographs, too; repeatable.", metavar="FOLDER"
-    ),
-    labeller: str = setting(
-        PACKAGED, "Network that labels the unmarked photographs.", metavar="NETWORK"
-    ),
-    seed: int | None = setting(None, "Seed, instead of the recipe's."),
-    patience: int | None = setting(
-        None,
-        "End a stage after N epochs without gain on held-out places and keep the best; "
-        "0: never; default: the recipe's.",
-        low=0,
-    ),
-    precision: str = setting(
-        "auto", "Arithmetic: auto (bfloat16 on a GPU), float32 or bfloat16.", choices=PRECISIONS
-    ),
 ) -> None:
     """Train doornet: p_open, opening columns, depth and floor in one network.
 
@@ -88,34 +55,15 @@ def doornet(
     """
     from dataclasses import replace
 
-    from doorway3ds.lab.datasets.samples import parse_split
     from doorway3ds.lab.train.doornet.recipe import read_recipe
     from doorway3ds.lab.train.doornet.run import DoorNetTraining, Teachers
 
-    fold = parse_split(hold_out) if hold_out else None
-    if report is not None and (fold is None or not 1 <= report <= fold[1] or report - 1 == fold[0]):
-        raise CallError("--report must be another fold than K of --hold-out K/N, from 1 to N")
-    chosen = read_recipe(recipe)
-    given = {"seed": seed, "patience": patience}
+    recipe = read_recipe(options.recipe)
+    given = {"seed": options.seed, "patience": options.patience}
     changed: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
-    chosen = replace(chosen, fit=replace(chosen.fit, **changed))
-    epochs = sum(stage.epochs for stage in chosen.fit.stages)
-    with run_of(out, epochs, running) as run:
-        training = DoorNetTraining(
-            datasets,
-            Teachers.in_folder(teachers),
-            chosen,
-            run,
-            hold_out=fold,
-            report=None if report is None else report - 1,
-            marks=marks,
-            calibration=calibration,
-            init=init,
-            unmarked=unmarked or (),
-            labeller=labeller,
-            precision=precision,
-        )
-        card = training()
+    recipe = replace(recipe, fit=replace(recipe.fit, **changed))
+    with run_of(out, sum(stage.epochs for stage in recipe.fit.stages), running) as run:
+        card = DoorNetTraining(datasets, Teachers.in_folder(teachers), recipe, run, options)()
         if run.team.leads:
             _say_written("doornet", out, card)
 

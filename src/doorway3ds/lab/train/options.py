@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
+from doorway3ds.decide.options import PACKAGED
+from doorway3ds.errors import CallError
 from doorway3ds.options import Options
 from doorway3ds.options import setting as option
 
@@ -145,6 +147,63 @@ class DepthOptions(TrainOptions):
     half_decoder: bool = option(
         False, "Halve the number of filters: the default of the paper's code."
     )
+
+
+@dataclass(frozen=True)
+class DoornetOptions(Options):
+    """What doornet learns from, and what is kept from its training.
+
+    unmarked: what `labeller` sees in them; it must not have learned from the places held out.
+    """
+
+    panel: ClassVar[str] = "Training"
+
+    recipe: Path | None = option(None, "Recipe, a YAML file; default: the packaged one.")
+    hold_out: str | None = option(
+        None, "Keep fold K of N of the places for calibration.", metavar="K/N"
+    )
+    report: int | None = option(
+        None, "Keep fold K out of both training and calibration.", metavar="K"
+    )
+    marks: Path | None = option(
+        None, "CSV with exact openings for images that lack them.", metavar="FILE"
+    )
+    calibration: Path | None = option(
+        None,
+        "Take the calibration of a held-out run's doornet.json, to train on everything.",
+        metavar="CARD",
+    )
+    init: Path | None = option(None, "Weights of an earlier run to start from.", metavar="FILE")
+    unmarked: list[Path] | None = option(
+        None, "Learn from unmarked photographs, too; repeatable.", metavar="FOLDER"
+    )
+    labeller: str = option(
+        PACKAGED, "Network that labels the unmarked photographs.", metavar="NETWORK"
+    )
+    seed: int | None = option(None, "Seed, instead of the recipe's.")
+    patience: int | None = option(
+        None,
+        "End a stage after N epochs without gain on held-out places and keep the best; "
+        "0: never; default: the recipe's.",
+        low=0,
+    )
+    precision: str = option(
+        "auto", "Arithmetic: auto (bfloat16 on a GPU), float32 or bfloat16.", choices=PRECISIONS
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.report is not None and (
+            self.fold is None or self.report - 1 not in {*range(self.fold[1])} - {self.fold[0]}
+        ):
+            raise CallError("--report must be another fold than K of --hold-out K/N, from 1 to N")
+
+    @property
+    def fold(self) -> tuple[int, int] | None:
+        """Number, from 0, of the fold held out, and how many there are."""
+        from doorway3ds.lab.datasets.samples import parse_split
+
+        return parse_split(self.hold_out) if self.hold_out else None
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from doorway3ds.decide.options import PACKAGED
 from doorway3ds.errors import UserError
 from doorway3ds.files import write_bytes
 from doorway3ds.lab.datasets.readers import guess_layout
@@ -39,6 +38,7 @@ from doorway3ds.lab.train.engine.backend import wants_half
 from doorway3ds.lab.train.engine.calibrate import platt, relative_depth_error
 from doorway3ds.lab.train.engine.loop import Row
 from doorway3ds.lab.train.engine.training import Run, Training
+from doorway3ds.lab.train.options import DoornetOptions
 from doorway3ds.networks import registry
 from doorway3ds.networks.mirrored import Mirrored
 from doorway3ds.networks.session import digest
@@ -169,12 +169,8 @@ def calibrate(answers: Sequence[dict[str, Any]]) -> tuple[Calibration, dict[str,
 class DoorNetTraining(Training):
     """Trains, calibrates and exports doornet.
 
-    hold_out: (fold, folds) of places kept for calibration, limits and early stopping. report: a
-    further fold that is kept from everything but the report. marks: closer marks for some of the
-    pictures (see `read_marks`). calibration: the card of an earlier held-out run, for a training
-    on everything. init: weights of an earlier run of the same recipe's network to start from.
-    unmarked: folders of photographs to learn from, too, by what the network `labeller` (a name or
-    file) sees in them; it must not have learned from the places held out.
+    Of the places held out the first fold is for calibration, limits and early stopping, a further
+    one for the report alone.
     """
 
     name = "doornet"
@@ -185,46 +181,38 @@ class DoorNetTraining(Training):
         teachers: Teachers,
         recipe: Recipe,
         run: Run,
-        *,
-        hold_out: tuple[int, int] | None = None,
-        report: int | None = None,
-        marks: Path | None = None,
-        calibration: Path | None = None,
-        init: Path | None = None,
-        unmarked: Sequence[Path] = (),
-        labeller: str = PACKAGED,
-        precision: str = "auto",
+        options: DoornetOptions,
     ) -> None:
+        hold_out, report = options.fold, options.report
         if recipe.fit.patience and hold_out is None:
             raise UserError(
                 "stopping early needs places that are not trained on: give --hold-out K/N, or "
                 "leave --patience and the recipe's patience out"
             )
-        if recipe.init_share and init is None:
+        if recipe.init_share and options.init is None:
             raise UserError("the recipe's init_share needs weights to start from: give --init FILE")
-        self.teachers, self.recipe, self.run, self.precision = teachers, recipe, run, precision
-        self.hold_out, self.report, self.marks = hold_out, report, marks
-        self.calibration, self.init = calibration, init
+        self.teachers, self.recipe, self.run, self.options = teachers, recipe, run, options
         samples = read_all(folders, teachers, recipe)
-        if marks is not None:
-            samples = apply_marks(samples, read_marks(marks))
-        kept, self.held = split(samples, *hold_out, report) if hold_out else (samples, [])
+        if options.marks is not None:
+            samples = apply_marks(samples, read_marks(options.marks))
+        further = None if report is None else report - 1
+        kept, self.held = split(samples, *hold_out, further) if hold_out else (samples, [])
         self.kept = kept + compose(kept, recipe.compose, recipe.fit.seed)
         self.labelled_by: str | None = None
-        if unmarked:
-            network = Mirrored(registry.load(labeller))
+        if options.unmarked:
+            network = Mirrored(registry.load(options.labeller))
             self.labelled_by = network.name
-            for folder in unmarked:
+            for folder in options.unmarked:
                 self.kept += with_pseudo_labels(read_unmarked(folder, network), teachers, recipe)
         self.unseen, self.about = self.held, _SEEN_BY_CALIBRATION
-        if hold_out and report is not None:
-            self.unseen, self.about = split(samples, report, hold_out[1])[1], _SEEN_BY_NOTHING
+        if hold_out and further is not None:
+            self.unseen, self.about = split(samples, further, hold_out[1])[1], _SEEN_BY_NOTHING
         self._halves = halves_of(self.held)
 
     def fit(self) -> list[Row]:
         import keras
 
-        recipe, teachers, init, run = self.recipe, self.teachers, self.init, self.run
+        recipe, teachers, init, run = self.recipe, self.teachers, self.options.init, self.run
         if run.team.leads and self.held:
             write_held(run.out / "held-out.csv", self.held, self._halves)
         keras.utils.set_random_seed(recipe.fit.seed)
@@ -240,7 +228,7 @@ class DoorNetTraining(Training):
             augment=recipe.augment,
             weights=recipe.losses,
             held=self.held,
-            half=wants_half(self.precision),
+            half=wants_half(self.options.precision),
             identity=outcome.identity(
                 [digest(path) for path in first],
                 asdict(recipe.network),
@@ -276,21 +264,20 @@ class DoorNetTraining(Training):
                     if self._halves[a["sample"].source, a["sample"].place] != half
                 ]
                 self._for_half[half] = calibrate(other)[0] if other else found
-        elif self.calibration is not None:
-            found, measured = read_calibration(self.calibration)
+        elif self.options.calibration is not None:
+            found, measured = read_calibration(self.options.calibration)
         self._found = found
-        fold, folds = self.hold_out or (0, 0)
+        fold, folds = self.options.fold or (0, 0)
+        marks, report = self.options.marks, self.options.report
         return {
             "licence": "Apache-2.0",
             "source": "trained by this project; data and first weights are named below",
             "pictures": dict(sorted(Counter(s.source for s in self.kept).items())),
             "places": len({s.place for s in self.kept}),
             "held_out": f"{fold + 1}/{folds}" if folds else None,
-            "kept_for_report": f"{self.report + 1}/{folds}"
-            if folds and self.report is not None
-            else None,
+            "kept_for_report": f"{report}/{folds}" if report is not None else None,
             "held_out_places": sorted({s.place for s in self.held}),
-            "marks": None if self.marks is None else digest(self.marks),
+            "marks": None if marks is None else digest(marks),
             "initialised_from": {"semantic": digest(self.teachers.semantic)},
             "labelled_by": {
                 "depth": digest(self.teachers.depth),
