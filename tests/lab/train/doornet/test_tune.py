@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
+
 from doorway3ds.camera.info import write_camera_info
 from doorway3ds.camera.model import Camera
 from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.lab.datasets.readers import read_dataset
+from doorway3ds.lab.evaluate.intervals import Interval
 from doorway3ds.lab.evaluate.overview import HeldSet
 from doorway3ds.lab.train.doornet import tune
 from doorway3ds.networks.doornet import DoorNet
@@ -26,12 +29,30 @@ def test_limits_keep_within_the_bounds(tmp_path: Path) -> None:
     seen = tune.Tuning.look(network, [part])
     strict = tune.tune(seen, tune.Goal(0.01, 0.05, (0.5, 0.7, 0.8)))
     assert strict["open_from"] == 0.8
-    anything = tune.tune(seen, tune.Goal(1.0, 1.0, (0.8, 0.5)))
+    anything = tune.tune(seen, tune.Goal(1.0, 1.0, (0.8, 0.5), slack=0))
     assert anything["open_from"] == 0.5
     assert 0 < seen.bearing_error_deg(anything) < 20
     assert seen.bearing_error_deg(tune.preset(0.8, tune.LADDER[0])) is None  # none is told
     votes = anything["limits"]["clearance"]
-    assert tuple(votes.values()) == tune.LADDER[0]  # nothing speaks against the boldest
+    # nothing speaks for any rung: of equals the most careful
+    assert tuple(votes.values()) == tune.LADDER[-1]
+
+
+def test_of_rungs_that_few_images_cannot_tell_apart_the_most_careful_is_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clear = dict(zip(tune.LADDER, (0.5, 0.63, 0.7, 0.68, 0.66, 0.6, 0.5, 0.4), strict=True))
+
+    def score(rung: tuple[float, ...], repeats: int) -> dict[str, Interval]:
+        rates = zip(tune.RATES, (0.0, 0.0, clear[rung]), strict=True)
+        return {name: Interval(value, value, value, 50) for name, value in rates}
+
+    monkeypatch.setattr(tune.direction, "score", score)
+    seen = tune.Tuning()
+    monkeypatch.setattr(seen, "records", lambda point: (*point["limits"]["clearance"].values(),))
+    for slack, best in ((0.0, 2), (0.03, 3), (0.05, 4), (0.15, 5)):
+        point = tune.tune(seen, tune.Goal(0.1, 0.1, slack=slack))
+        assert tuple(point["limits"]["clearance"].values()) == tune.LADDER[best]
 
 
 def test_presets_come_with_the_file(tmp_path: Path, cli: Cli) -> None:

@@ -57,11 +57,14 @@ class Goal:
     """Most goes on a clear way, within bounds on the two ways to go wrong.
 
     open_from: candidates of the p_open from which on a doorway is open.
+    slack: what a bolder rung must be better by to be preferred. Blocked ways are few, and among
+        rungs that they cannot tell apart the most careful is the safe one.
     """
 
     without_door: float
     when_blocked: float
     open_from: tuple[float, ...] = (0.5,)
+    slack: float = 0.05
 
     def value(self, metrics: DirectionMetrics) -> float:
         """Larger is better; an excess over a bound costs four times its size."""
@@ -76,7 +79,7 @@ class Goal:
 GOALS = {
     "cautious": Goal(0.015, 0.06, (0.6, 0.7, 0.8)),
     "balanced": Goal(0.04, 0.12),
-    "eager": Goal(0.08, 0.22, (0.3, 0.4, 0.5)),
+    "eager": Goal(0.08, 0.22, (0.3, 0.4, 0.5), slack=0.0),
 }
 
 
@@ -133,14 +136,18 @@ def preset(open_from: float, rung: tuple[float, float, float]) -> dict[str, Any]
 def tune(
     tuning: Tuning, goal: Goal, tell: Callable[[str], None] = lambda line: None
 ) -> dict[str, Any]:
-    """The point of the goal's gates and the ladder at which the goal's value is highest."""
+    """The point of the goal's gates and the ladder at which the goal's value is highest.
+
+    Of the rungs that come within the goal's slack of the best one, the most careful.
+    """
     best, most = {}, -math.inf
     for open_from in goal.open_from:
-        for rung in LADDER:
-            point = preset(open_from, rung)
-            score = direction.score(tuning.records(point), repeats=0)
-            if (value := goal.value(score)) > most:
-                best, most = point, value
+        points = [preset(open_from, rung) for rung in LADDER]
+        scores = [direction.score(tuning.records(point), repeats=0) for point in points]
+        values = [goal.value(score) for score in scores]
+        if max(values) > most:
+            most = max(values)
+            best = [p for p, v in zip(points, values, strict=True) if v >= most - goal.slack][-1]
         tell(f"p_open from {open_from:g} on: {most:.3f}")
     return best
 
