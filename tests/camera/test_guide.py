@@ -150,7 +150,7 @@ def test_a_film_turned_upright_is_refused(tmp_path, shots, monkeypatch, capsys):
 
 
 def test_a_terminal_shows_zones_tilts_and_what_to_do(tmp_path, shots, monkeypatch, capsys):
-    monkeypatch.setattr("doorway3ds.cli.calibrate._watched", lambda: True)
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
     path = film(tmp_path / "board.avi", shots[:3])
     assert run(["calibrate", str(path), "--out", str(tmp_path / "camera.yaml")]) == 0
     shown = capsys.readouterr().out

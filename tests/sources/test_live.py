@@ -80,7 +80,9 @@ def test_a_slow_reader_gets_the_newest_picture_and_the_rest_is_counted() -> None
             seen.append((camera.count, int(frame.image[0, 0, 1]) // 4, frame.stamp_s))
             assert frame.image[0, 0, 0] == frame.image[0, 0, 1] and frame.image[0, 0, 2] == 7
             time.sleep(0.1)
-        assert source.live and source.skipped >= 20
+        # one may be on its way from the camera, and one lie ready
+        assert source.live and 0 <= camera.count - len(seen) - source.skipped <= 2
+        assert source.skipped > 0
     assert all(newest - got <= 2 for newest, got, _ in seen)
     assert all(b > a for (_, _, a), (_, _, b) in itertools.pairwise(seen))
     assert camera.released == 1
