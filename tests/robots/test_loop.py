@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from doorway3ds.live.eyes import Eyes, Update
 from doorway3ds.live.tracker import Tracked
 from doorway3ds.robots import Driver, DryRobot, Limits, RobotLost, TurnEnd, TurnResult
 from doorway3ds.robots.loop import LoopParams, Outcome, TurnLoop
-from doorway3ds.robots.runlog import RunLog, differences, looks, read_log
+from doorway3ds.robots.runlog import RunLog, looks, read_log
 from doorway3ds.types import Decision, Frame, Perception, Reason, Selection
 
 CAMERA = Camera.from_fov(32, 24, 60.0)
@@ -382,21 +381,3 @@ def test_a_run_is_read_back_with_the_same_pictures(tmp_path: Path) -> None:
     assert second == 5  # those in between were taken while it still shook
     assert seen[0].frame.camera == CAMERA
     assert [look.action for look in seen] == ["go +25.0 deg", "aligned"]
-
-
-def test_a_run_is_not_written_over(tmp_path: Path) -> None:
-    RunLog(tmp_path / "run").close()
-    with pytest.raises(UserError, match="already holds a run"):
-        RunLog(tmp_path / "run")
-
-
-def test_a_cut_line_is_named(tmp_path: Path) -> None:
-    (tmp_path / "run.jsonl").write_text('{"event": "start"}\n{"event": "lo')
-    with pytest.raises(UserError, match=r"run\.jsonl:2"):
-        read_log(tmp_path)
-
-
-def test_differences_name_what_changed_and_pass_over_times() -> None:
-    a: dict[str, Any] = {"reason": "turn", "turn_deg": 5.0, "pixel": [1, 2], "timings_ms": {"n": 1}}
-    assert differences(a, json.loads(json.dumps({**a, "timings_ms": {"n": 9}}))) == []
-    assert differences(a, {**a, "turn_deg": 5.1, "pixel": [1, 3]}) == ["pixel", "turn_deg"]

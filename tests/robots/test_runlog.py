@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 
 from doorway3ds.camera.model import Camera
 from doorway3ds.decide.opening import columns_from_spans
-from doorway3ds.robots.runlog import RunLog, looks, read_log
+from doorway3ds.errors import UserError
+from doorway3ds.robots.runlog import RunLog, differences, looks, read_log
 from doorway3ds.types import (
     ColumnVotes,
     Decision,
@@ -52,3 +56,21 @@ def test_every_field_of_a_perception_is_kept(tmp_path: Path) -> None:
                 a, b = (getattr(value, field.name) for value in (before, after))
                 assert type(a) is type(b), field.name
                 np.testing.assert_array_equal(a, b, err_msg=field.name)
+
+
+def test_a_run_is_not_written_over(tmp_path: Path) -> None:
+    RunLog(tmp_path / "run").close()
+    with pytest.raises(UserError, match="already holds a run"):
+        RunLog(tmp_path / "run")
+
+
+def test_a_cut_line_is_named(tmp_path: Path) -> None:
+    (tmp_path / "run.jsonl").write_text('{"event": "start"}\n{"event": "lo')
+    with pytest.raises(UserError, match=r"run\.jsonl:2"):
+        read_log(tmp_path)
+
+
+def test_differences_name_what_changed_and_pass_over_times() -> None:
+    a: dict[str, Any] = {"reason": "turn", "turn_deg": 5.0, "pixel": [1, 2], "timings_ms": {"n": 1}}
+    assert differences(a, json.loads(json.dumps({**a, "timings_ms": {"n": 9}}))) == []
+    assert differences(a, {**a, "turn_deg": 5.1, "pixel": [1, 3]}) == ["pixel", "turn_deg"]

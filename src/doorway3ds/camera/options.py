@@ -89,6 +89,6 @@ class BoardOptions(Options):
         if self.charuco:
             words += " --charuco"
             words += "" if self.marker_mm is None else f" --marker-mm {self.marker_mm:g}"
-            if self.dictionary != "DICT_4X4_50":
+            if self.dictionary != BoardOptions.dictionary:
                 words += f" --dictionary {self.dictionary}"
         return words

@@ -7,6 +7,7 @@ from typing import Annotated
 from fastapi import APIRouter, Body, Depends, Query, Response
 
 from doorway3ds.camera.board import print_lines, printable
+from doorway3ds.camera.info import camera_info_of
 from doorway3ds.errors import UserError
 from doorway3ds.web.base.errors import ApiError, errors
 from doorway3ds.web.base.routes import json_answer
@@ -88,10 +89,11 @@ async def drop(state: State) -> Response:
 async def camera_file(state: State) -> Response:
     state.require_live()
     run = state.calibration
-    if run is None:
+    if run is None or run.found is None:
         raise ApiError(404, "no_calibration", "there is no calibrated camera yet")
     headers = {"Content-Disposition": f'attachment; filename="{run.fields.name}.yaml"'}
-    return Response(run.camera_file(), media_type="application/yaml", headers=headers)
+    text = camera_info_of(run.found.camera)
+    return Response(text, media_type="application/yaml", headers=headers)
 
 
 @router.get(

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from doorway3ds.camera.board import Board, charuco_of
 from doorway3ds.camera.calibration import MIN_PICTURES, Calibration, calibrate_views
 from doorway3ds.camera.guide import COLUMNS, FEWEST, ROWS, SPREAD, TILTS, Guide, incomplete
-from doorway3ds.camera.info import camera_info_of, check_lens
+from doorway3ds.camera.info import check_lens
 from doorway3ds.camera.options import BoardOptions
 from doorway3ds.errors import UserError
 from doorway3ds.types import Reason
@@ -32,19 +32,14 @@ class BoardFields(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    board: str = Field(
-        default="9x6",
-        pattern=r"^[0-9]{1,2}x[0-9]{1,2}$",
-        description="Columns x rows: inner corners of a chessboard, squares of a ChArUco board.",
-        examples=["9x6"],
+    board: str = of_option(
+        BoardOptions, "board", "9x6", BoardOptions.board, pattern=r"^[0-9]{1,2}x[0-9]{1,2}$"
     )
-    square_mm: Number = of_option(BoardOptions, "square_mm", 25.0, default=25.0)
+    square_mm: Number = of_option(BoardOptions, "square_mm", 25.0, BoardOptions.square_mm)
     charuco: bool = Field(default=False, description="A ChArUco board.")
     marker_mm: Number | None = of_option(BoardOptions, "marker_mm", 18.0)
-    dictionary: str = Field(
-        default="DICT_4X4_50",
-        max_length=40,
-        description="OpenCV's name of the ChArUco markers' dictionary.",
+    dictionary: str = of_option(
+        BoardOptions, "dictionary", "DICT_4X4_50", BoardOptions.dictionary, max_length=40
     )
 
     @model_validator(mode="after")
@@ -121,12 +116,6 @@ class CalibrationRun:
         # Cancelling alone is not heard by a wait that ends at the same moment.
         self._dropped = True
         self._task.cancel()
-
-    def camera_file(self) -> str:
-        """The `camera_info` YAML; ApiError 404 before it is `done`."""
-        if self.found is None:
-            raise ApiError(404, "no_calibration", "there is no calibrated camera yet")
-        return camera_info_of(self.found.camera)
 
     def to_dict(self) -> dict[str, Any]:
         guide = self._guide

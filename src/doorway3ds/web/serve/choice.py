@@ -38,11 +38,18 @@ _CACHED = 16  # pipelines are small; what is large, the networks, is shared betw
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
-def of_option(kind: type[Options], name: str, example: Any, default: Any = None) -> Any:
-    """A field that means what the option of that name does."""
+def of_option(
+    kind: type[Options], name: str, example: Any, default: Any = None, **limits: Any
+) -> Any:
+    """A field that means what the option of that name does. limits: further ones of the field."""
     known = settings_of(kind)[name]
     return Field(
-        default=default, ge=known.low, le=known.high, description=known.help, examples=[example]
+        default=default,
+        ge=known.low,
+        le=known.high,
+        description=known.help,
+        examples=[example],
+        **limits,
     )
 
 
