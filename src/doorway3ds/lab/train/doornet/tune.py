@@ -36,18 +36,10 @@ from doorway3ds.types import Frame, Perception, Reason
 
 MIN_SCORE = 0.02  # candidates are listed from here on; whether to go is told by the others
 
-# (vote_blocks, vote_alone, vote_frees) of `ClearanceParams`, from bold to careful. One ladder, as
-# blocked ways are few: limits that are free to vary one by one fit these pictures and no others.
-LADDER = (
-    (0.0, 0.5, 0.5),
-    (0.3, 0.5, 0.7),
-    (0.4, 0.6, 0.7),
-    (0.4, 0.7, 0.85),
-    (0.5, 0.7, 0.85),
-    (0.6, 0.8, 0.85),
-    (0.7, 0.8, 0.9),
-    (0.7, 0.85, 1.1),
-)
+# Of `ClearanceParams`: the vote below which a way is blocked where the depth sees nothing in it,
+# from bold to careful. One ladder, as blocked ways are few: limits that are free to vary one by one
+# fit these pictures and no others.
+LADDER = (0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9)
 SURE_SCORE = 0.15
 RATES = ("go_without_door", "go_when_blocked", "go_when_clear")
 
@@ -64,7 +56,7 @@ class Goal:
     without_door: float
     when_blocked: float
     open_from: tuple[float, ...] = (0.5,)
-    slack: float = 0.05
+    slack: float = 0.02
 
     def value(self, metrics: DirectionMetrics) -> float:
         """Larger is better; an excess over a bound costs four times its size."""
@@ -126,9 +118,14 @@ class Tuning:
         return found
 
 
-def preset(open_from: float, rung: tuple[float, float, float]) -> dict[str, Any]:
-    """An operating point as the file's metadata holds it."""
-    votes = dict(zip(("vote_blocks", "vote_alone", "vote_frees"), rung, strict=True))
+def preset(open_from: float, vote: float) -> dict[str, Any]:
+    """An operating point as the file's metadata holds it.
+
+    vote: a rung of the ladder. Alone, or against what the depth calls an obstacle, a vote may
+        leave half as much doubt.
+    """
+    sure = (1 + vote) / 2
+    votes = {"vote_blocks": vote, "vote_alone": sure, "vote_frees": sure}
     limits = {"min_score": MIN_SCORE, "sure_score": SURE_SCORE, "clearance": votes}
     return {"open_from": open_from, "limits": limits}
 
