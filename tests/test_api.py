@@ -114,10 +114,6 @@ def test_from_dict_undoes_to_dict(tmp_path: Path, method: str, p_open: float) ->
     kept = json.loads(json.dumps(answer))
     assert d3.Decision.from_dict(kept).to_dict() == kept
     assert str(d3.Decision.from_dict(kept)).partition(" · ")[0].endswith(f"{answer['p_open']:.2f}")
-    with pytest.raises(ValueError, match="not whole"):
-        d3.Decision.from_dict({**kept, "openings": [{"left_deg": 1.0}]})
-    with pytest.raises(ValueError, match="needs a reason, got only p_open"):
-        d3.Decision.from_dict({"p_open": 0.5})
 
 
 def test_each_decides_in_order_and_goes_on_after_an_error(decide: Pipeline) -> None:
@@ -183,6 +179,3 @@ def test_images_of_opencv_become_rgb() -> None:
     assert np.array_equal(d3.from_bgr(alpha), image)
     grey = d3.from_bgr(image[..., 0])
     assert grey.shape == (48, 64, 3) and np.array_equal(grey[..., 2], image[..., 0])
-    for wrong in (image.astype(np.float32), image[..., :2], np.zeros((2, 2, 2, 3), np.uint8)):
-        with pytest.raises(d3.UserError, match="expected a uint8 image of shape"):
-            d3.from_bgr(wrong)

@@ -18,5 +18,5 @@ class UserError(Exception):
     """
 
 
-class CallError(UserError):
-    """The call itself is wrong (an option, a name, a combination): status 2."""
+class CallError(UserError, ValueError):
+    """The call itself is wrong (an option, an argument, a name, a combination): status 2."""

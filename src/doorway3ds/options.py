@@ -6,10 +6,10 @@ makes its options of these fields; from Python they are ordinary keyword argumen
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
+from doorway3ds.arguments import require_number
 from doorway3ds.errors import CallError
 
 
@@ -61,17 +61,6 @@ def check(name: str, value: Any, known: Setting) -> None:
     """CallError for what is out of bounds or no choice; `name`: what the user calls it."""
     if known.choices and value is not None and value not in known.choices:
         raise CallError(f"{name} must be one of {', '.join(known.choices)}, got {value!r}")
-    if known.low is not None or known.high is not None:
-        require_range(name, value, known.low, known.high)
-
-
-def require_range(
-    name: str, value: float | None, low: float | None = None, high: float | None = None
-) -> None:
-    """CallError if a value is given and not between low and high (so nan is refused, too)."""
-    if value is None:
-        return
-    above, below = low is None or value >= low, high is None or value <= high
-    if not (math.isfinite(value) and above and below):
-        bounds = f"of at least {low:g}" if high is None else f"from {low:g} to {high:g}"
-        raise CallError(f"{name} must be a number {bounds}, got {value:g}")
+    bounded = known.low is not None or known.high is not None
+    if bounded or isinstance(value, float):
+        require_number(name, value, known.low, known.high, optional=True)

@@ -8,15 +8,18 @@ distances metres.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from doorway3ds.arguments import require, require_image, require_number, shown
 from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.compat import StrEnum
+from doorway3ds.errors import CallError
 
 FloatArray = NDArray[np.floating[Any]]
 
@@ -42,6 +45,10 @@ class Reason(StrEnum):
     TURN = "turn"  # turn by `turn_deg`
     LOST = "lost"  # live use: the tracked doorway or the camera is gone
 
+    @classmethod
+    def _missing_(cls, value: object) -> Reason:
+        raise CallError(f"reason must be one of {', '.join(cls)}, got {shown(value)}")
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -58,7 +65,7 @@ class Frame:
         stamp_s: time of exposure in seconds, any fixed origin.
 
     Raises:
-        ValueError: for an array of another shape or type, or a camera for another size.
+        UserError: for an array of another shape or type, or a camera for another size.
     """
 
     image: NDArray[np.uint8] = field(repr=False)
@@ -67,14 +74,13 @@ class Frame:
     stamp_s: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.image.dtype != np.uint8 or self.image.ndim != 3 or self.image.shape[2] != 3:
-            raise ValueError(
-                f"a frame's image must be (H, W, 3) uint8 RGB, "
-                f"got {self.image.shape} {self.image.dtype}"
-            )
+        require_image("image", self.image)
+        require("camera", self.camera, Camera, "a Camera")
+        require("pose", self.pose, Pose, "a Pose")
+        require_number("stamp_s", self.stamp_s)
         height, width = self.image.shape[:2]
         if (width, height) != (self.camera.width, self.camera.height):
-            raise ValueError(
+            raise CallError(
                 f"the image is {width}x{height} but the camera is for "
                 f"{self.camera.width}x{self.camera.height}; use camera.scaled_to(width, height)"
             )
@@ -119,7 +125,7 @@ class RelativeDepth:
 
 @dataclass(frozen=True)
 class Perception:
-    """What the networks see, before any geometry.
+    """What the networks see, before any geometry; UserError for values of another kind.
 
     >>> Perception(p_open=0.9, network="mine").depth_m is None
     True
@@ -146,6 +152,18 @@ class Perception:
     network: str = "truth"
     timings_ms: Mapping[str, float] = field(default_factory=dict, repr=False)
 
+    def __post_init__(self) -> None:
+        require_probability("p_open", self.p_open)
+        kinds = {"columns": ColumnVotes, "relative": RelativeDepth}
+        for name, kind in kinds.items():
+            require(name, getattr(self, name), (kind, type(None)), f"{kind.__name__} or None")
+        for name in ("depth_m", "floor"):
+            value = getattr(self, name)
+            if value is not None and not (isinstance(value, np.ndarray) and value.ndim == 2):
+                raise CallError(f"{name} must be an array (h, w) or None, got {shown(value)}")
+        require_number("depth_error", self.depth_error, 0)
+        require_number("bearing_error_deg", self.bearing_error_deg, 0, optional=True)
+
     def range_error_m(self, range_m: float | None) -> float | None:
         """Standard deviation of a doorway's distance from the true one, as it was measured for
         the network's depth; None if there is no distance, or its error is not known."""
@@ -156,7 +174,7 @@ class Perception:
 
 @dataclass(frozen=True)
 class Opening:
-    """One candidate doorway as seen from the robot's turning axis.
+    """One candidate doorway as seen from the robot's turning axis; UserError for what is no number.
 
     >>> Opening(100.0, 200.0, 12.0, 2.0, 7.0, 2.5, score=0.8, cut=None).bearing_deg
     7.0
@@ -175,6 +193,13 @@ class Opening:
     range_m: float | None
     score: float
     cut: str | None
+
+    def __post_init__(self) -> None:
+        for name in ("left_px", "right_px", "left_deg", "right_deg", "bearing_deg", "score"):
+            require_number(name, getattr(self, name))
+        require_number("range_m", self.range_m, optional=True)
+        if self.cut not in _CUTS:
+            raise CallError(f"cut must be left, right, both or None, got {shown(self.cut)}")
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
@@ -232,6 +257,13 @@ class Decision:
     method: str
     timings_ms: Mapping[str, float] = field(default_factory=dict, repr=False)
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reason", Reason(self.reason))
+        require_number("turn_deg", self.turn_deg, optional=True)
+        require_probability("p_open", self.p_open)
+        for name, kind in (("selection", Selection), ("perception", Perception), ("frame", Frame)):
+            require(name, getattr(self, name), kind, f"a {kind.__name__}")
+
     def __str__(self) -> str:
         """One line: "open door 0.94 · 12.4 deg left · 2.8 m · way free · turn left 12.4 deg"."""
         return " · ".join(_told(self))
@@ -288,26 +320,38 @@ class Decision:
             A decision whose `to_dict` is `answer`, but for the image's name.
 
         Raises:
-            ValueError: for a reason that is missing or does not exist, or an opening that is not
-                whole.
+            UserError: for a reason that is missing or does not exist, an opening that is not whole,
+                or a value of another kind.
         """
+        require("answer", answer, Mapping, "a mapping, as to_dict returns it")
         if "reason" not in answer:
-            raise ValueError(
-                f"a decision needs a reason, got only {', '.join(answer) or 'nothing'}"
+            raise CallError(
+                f"answer must have a reason, got only {', '.join(map(str, answer)) or 'nothing'}"
             )
         camera = answer.get("camera") or {"name": "unknown", "assumed": True}
+        if not isinstance(camera, Mapping) or not {"name", "assumed"} <= camera.keys():
+            raise CallError(f"camera must have a name and assumed, got {shown(camera)}")
         openings = answer.get("openings") or ()
         try:
             found = tuple(Opening(**opening) for opening in openings)
         except TypeError as error:
-            raise ValueError(f"an opening of a decision is not whole: {error}") from error
+            raise CallError(f"openings must each be whole: {error}") from error
+        for key in ("bearing_deg", "range_m", "floor_from_m", *_PAPER_DEPTHS):
+            require_number(key, answer.get(key), optional=True)
+        for key in ("pixel", *_PAPER_PIXELS):
+            _require_pixel(key, answer.get(key))
+        timings = answer.get("timings_ms") or {}
+        require("timings_ms", timings, Mapping, "a mapping of milliseconds")
+        for stage, spent in timings.items():
+            require_number(f"timings_ms {stage}", spent)
         pixel = answer.get("pixel")
         row_column = None if pixel is None else (int(pixel[0]), int(pixel[1]))
         evidence = {key: answer.get(key) for key in _PAPER_PIXELS + _PAPER_DEPTHS if key in answer}
-        p_open = float(answer.get("p_open", math.nan))
+        p_open = answer.get("p_open", math.nan)
+        require_probability("p_open", p_open)
         one = Camera(camera["name"], 1, 1, 1.0, 1.0, 0.0, 0.0, assumed=bool(camera["assumed"]))
         return cls(
-            reason=Reason(answer["reason"]),
+            reason=answer["reason"],
             turn_deg=answer.get("turn_deg"),
             p_open=p_open,
             open=bool(answer.get("open", p_open >= 0.5)),
@@ -324,12 +368,27 @@ class Decision:
             perception=Perception(p_open, network=str(answer.get("network", "unknown"))),
             frame=Frame(np.zeros((1, 1, 3), np.uint8), one),
             method=str(answer.get("method", "opening")),
-            timings_ms=dict(answer.get("timings_ms") or {}),
+            timings_ms=dict(timings),
         )
 
 
+_CUTS = (None, "left", "right", "both")
 _PAPER_PIXELS = ("max_pixel", "best_pixel", "trigger_pixel")
 _PAPER_DEPTHS = ("max_depth", "best_depth")
+
+
+def require_probability(name: str, value: Any) -> None:
+    """CallError unless it is from 0 to 1, or nan: not known."""
+    if not (isinstance(value, Real) and math.isnan(value)):
+        require_number(name, value, 0, 1)
+
+
+def _require_pixel(name: str, value: Any) -> None:
+    if value is None:
+        return
+    whole = isinstance(value, Sequence) and len(value) == 2
+    if not (whole and all(isinstance(number, Integral) for number in value)):
+        raise CallError(f"{name} must be (row, column) or None, got {shown(value)}")
 
 
 def _told(decision: Decision) -> Iterator[str]:

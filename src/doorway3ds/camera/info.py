@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from pathlib import Path
 from typing import Any
 
+from doorway3ds.arguments import require
 from doorway3ds.camera.formats import parse
 from doorway3ds.camera.lens import MODELS, WIDEST_DEG
 from doorway3ds.camera.model import Camera
@@ -24,7 +26,7 @@ class LensWarning(UserWarning):
     """Part of an image has bearings that its camera file does not know."""
 
 
-def read_camera_info(path: str | Path) -> Camera:
+def read_camera_info(path: str | os.PathLike[str]) -> Camera:
     """Reads a camera file: a ROS `camera_info` YAML or one of those that `camera.formats` knows.
 
     Rectification and projection matrices are not needed.
@@ -46,6 +48,8 @@ def read_camera_info(path: str | Path) -> Camera:
         UserError: if the file is missing, damaged, of another distortion model, or of a lens that
             cannot be undone in over a quarter of the image.
     """
+
+    require("path", path, (str, os.PathLike), "a path")
 
     def wrong(what: str) -> UserError:
         return UserError(f"{path} is not a usable camera_info file: {what}")

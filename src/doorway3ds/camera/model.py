@@ -8,6 +8,7 @@ turning axis. Bearings are + left, elevations and camera pitch + up, all in degr
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -15,10 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from doorway3ds.arguments import require, require_number
 from doorway3ds.camera.lens import MODELS, Lens
-from doorway3ds.errors import UserError
+from doorway3ds.errors import CallError, UserError
 
 Array = NDArray[np.float64]
+
+_FOV_DEG = (0.01, 179.99)
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,8 @@ class Camera:
     fx, fy, cx, cy: pixels. distortion: as many coefficients as `lens.MODELS` says of
     `distortion_model`, in OpenCV's order; the last of plumb_bob may be left out.
     assumed: nobody gave this camera; it was guessed from EXIF or a default.
+
+    Raises UserError for values that describe no camera.
     """
 
     name: str
@@ -46,28 +52,31 @@ class Camera:
     distortion_model: str = "plumb_bob"
 
     def __post_init__(self) -> None:
-        if self.width < 1 or self.height < 1:
-            raise ValueError(
-                f"a camera's image must have at least 1x1 pixels, got {self.width}x{self.height}"
-            )
-        count = MODELS.get(self.distortion_model)
-        if count is None:
-            raise ValueError(
+        require("name", self.name, str, "text")
+        for name in ("width", "height"):
+            require_number(name, getattr(self, name), 1, whole=True)
+        if self.distortion_model not in list(MODELS):
+            raise CallError(
                 f"distortion_model must be one of {', '.join(MODELS)}, "
                 f"got {self.distortion_model!r}"
             )
+        for name in ("fx", "fy", "cx", "cy"):
+            require_number(name, getattr(self, name))
+        if self.fx <= 0 or self.fy <= 0:
+            raise CallError(f"focal lengths must be positive, got fx={self.fx}, fy={self.fy}")
+        count = MODELS[self.distortion_model]
+        require("distortion", self.distortion, Iterable, "a sequence of coefficients")
+        for value in self.distortion:
+            require_number("distortion", value)
         coefficients = tuple(float(v) for v in self.distortion)
         if self.distortion_model == "plumb_bob" and len(coefficients) in (0, 4):
             coefficients += (0.0,) * (count - len(coefficients))
         object.__setattr__(self, "distortion", coefficients)
-        values = (self.fx, self.fy, self.cx, self.cy, *coefficients)
-        if len(coefficients) != count or not all(math.isfinite(v) for v in values):
-            raise ValueError(
-                f"a camera needs finite fx, fy, cx, cy and {count} coefficients of "
-                f"{self.distortion_model}, got {values}"
+        if len(coefficients) != count:
+            raise CallError(
+                f"distortion must have the {count} coefficients of {self.distortion_model}, got "
+                f"{len(coefficients)}"
             )
-        if self.fx <= 0 or self.fy <= 0:
-            raise ValueError(f"focal lengths must be positive, got fx={self.fx}, fy={self.fy}")
 
     @classmethod
     def from_fov(
@@ -80,9 +89,10 @@ class Camera:
         assumed: bool = False,
     ) -> Camera:
         """A centred camera without distortion; square pixels unless `vfov_deg` is given."""
-        for fov in (hfov_deg, vfov_deg):
-            if fov is not None and not 0 < fov < 180:
-                raise UserError(f"a field of view must lie between 0 and 180 deg, got {fov:g}")
+        require_number("hfov_deg", hfov_deg, *_FOV_DEG)
+        require_number("vfov_deg", vfov_deg, *_FOV_DEG, optional=True)
+        require_number("width", width, 1, whole=True)
+        require_number("height", height, 1, whole=True)
         fx = width / 2 / math.tan(math.radians(hfov_deg) / 2)
         fy = fx if vfov_deg is None else height / 2 / math.tan(math.radians(vfov_deg) / 2)
         return cls(name, width, height, fx, fy, (width - 1) / 2, (height - 1) / 2, assumed=assumed)
@@ -106,6 +116,8 @@ class Camera:
 
         Raises UserError if the aspects differ by more than the rounding of one side.
         """
+        require_number("width", width, 1, whole=True)
+        require_number("height", height, 1, whole=True)
         off_width = abs(width - self.width * height / self.height)
         off_height = abs(height - self.height * width / self.width)
         if min(off_width, off_height) >= 1:
@@ -139,6 +151,7 @@ class Camera:
 
         orientation: EXIF 1 to 8 (TIFF 6.0, tag 274); see `images.codec`.
         """
+        require_number("orientation", orientation, 1, 8, whole=True)
         camera = self._transposed() if orientation in (5, 6, 7, 8) else self
         if orientation in (3, 4, 7, 8):
             camera = camera._flipped(sideways=False)
@@ -200,6 +213,8 @@ class Pose:
     height_m: of the lens above the floor, None = unknown (hand-held).
     pitch_deg: + up. yaw_deg: + left. roll_deg: + right side down.
     forward_m, left_m: of the lens from the turning axis.
+
+    Raises UserError for what is no finite number.
     """
 
     height_m: float | None = None
@@ -208,6 +223,11 @@ class Pose:
     roll_deg: float = 0.0
     forward_m: float = 0.0
     left_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_number("height_m", self.height_m, optional=True)
+        for name in ("pitch_deg", "yaw_deg", "roll_deg", "forward_m", "left_m"):
+            require_number(name, getattr(self, name))
 
     def mirrored(self) -> Pose:
         """The pose that goes with an image flipped left to right."""

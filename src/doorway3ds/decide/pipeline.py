@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from doorway3ds.arguments import require, require_image, require_number, shown
 from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.decide.each import Each
 from doorway3ds.decide.follow import follow
@@ -25,7 +26,7 @@ from doorway3ds.networks.base import Joined, Network, presets_of, thresholds_of
 from doorway3ds.networks.limits import override
 from doorway3ds.networks.mirrored import Mirrored
 from doorway3ds.networks.registry import load
-from doorway3ds.sources.base import View
+from doorway3ds.sources.base import View, require_view
 from doorway3ds.types import Decision, Frame, Perception
 
 NEEDS: Mapping[str, tuple[str, ...]] = {
@@ -59,7 +60,8 @@ class Pipeline:
             "eager" in the packaged one) instead: limits, and p_open from which a doorway is open.
 
     Raises:
-        UserError: if the network does not give what the method needs.
+        UserError: for an argument of another kind, or if the network does not give what the method
+            needs.
     """
 
     network: Network
@@ -69,8 +71,13 @@ class Pipeline:
     preset: str | None = None
 
     def __post_init__(self) -> None:
-        if self.method not in NEEDS:
-            raise ValueError(f"method must be one of {', '.join(NEEDS)}, got {self.method!r}")
+        if self.method not in list(NEEDS):
+            raise CallError(f"method must be one of {', '.join(NEEDS)}, got {self.method!r}")
+        _require_network("network", self.network)
+        kinds = (OpeningParams, type(None))
+        require("params", self.params, kinds, "OpeningParams or None")
+        require("gates", self.gates, Gates, "Gates")
+        require("preset", self.preset, (str, type(None)), "a name or None")
         lacking = [need for need in NEEDS[self.method] if need not in self.network.gives]
         if lacking:
             raise UserError(
@@ -96,6 +103,9 @@ class Pipeline:
 
         classifier gives p_open, depth gives depth; one network may be both.
         """
+        for name, network in (("classifier", classifier), ("depth", depth)):
+            if network is not None:
+                _require_network(name, network)
         given = [network for network in (classifier, depth) if network is not None]
         networks = given if len(given) == 2 else [load(PACKAGED), *given]
         return cls(networks[0] if len(networks) == 1 else Joined(networks), method="paper")
@@ -131,9 +141,13 @@ class Pipeline:
         """The frame of an image as a call takes it, and the milliseconds that decoding it took."""
         if isinstance(image, Frame):
             return image, {}
+        require_view(camera, pose)
         view = View(camera, pose)
         if isinstance(image, np.ndarray):
+            require_image("image", image)
             return view.of_picture(Picture(image)), {}
+        kinds = (str, os.PathLike, bytes)
+        require("image", image, kinds, "a Frame, a (H, W, 3) uint8 array, a path or bytes")
         start = time.perf_counter()
         picture = read_image(image)
         spent = (time.perf_counter() - start) * 1e3
@@ -167,6 +181,9 @@ class Pipeline:
         Raises:
             UserError: in its turn, for an image that cannot be read; the iteration can go on.
         """
+        require("images", images, Iterable, "a sequence or iterator of images")
+        require_view(camera, pose)
+        require_number("workers", workers, 1, 1024, whole=True)
         batch = self.network.batch if isinstance(self.network, OnnxNetwork) else 1
         return Each(lambda some: self._several(some, camera, pose), images, workers, batch)
 
@@ -206,10 +223,13 @@ class Pipeline:
 
     def stay(self, decision: Decision, expected_deg: float | None) -> Decision:
         """The decision about the doorway expected at a bearing; unchanged if it is not in view."""
+        require("decision", decision, Decision, "a Decision")
+        require_number("expected_deg", expected_deg, optional=True)
         return follow(decision, expected_deg, self.params, self.gates)
 
     def perceive(self, frame: Frame) -> Perception:
         """The first half of `decide`, the network's: most of the time, outside Python's lock."""
+        require("frame", frame, Frame, "a Frame")
         return in_metres(self.network(frame.image, frame.camera), frame)
 
     def check_way(
@@ -219,6 +239,7 @@ class Pipeline:
 
         perception: of that frame, where the network has looked at it already.
         """
+        require("decision", decision, Decision, "a Decision")
         found = decision.selection
         if found.bearing_deg is None:
             return None
@@ -227,6 +248,8 @@ class Pipeline:
 
     def conclude(self, frame: Frame, perception: Perception) -> Decision:
         """The second half: what follows from what the network saw in the frame."""
+        require("frame", frame, Frame, "a Frame")
+        require("perception", perception, Perception, "a Perception")
         start = time.perf_counter()
         if self.method == "opening":
             selection = select_opening(perception, frame, self.params)
@@ -240,6 +263,13 @@ class Pipeline:
             "decision": (time.perf_counter() - selected) * 1e3,
         }
         return replace(decision, timings_ms=timings)
+
+
+def _require_network(name: str, network: Network) -> None:
+    if not (callable(network) and hasattr(network, "gives") and hasattr(network, "name")):
+        raise CallError(
+            f"{name} must be a network, as load_network returns it, got {shown(network)}"
+        )
 
 
 def build_pipeline(options: DecideOptions, network: Network | None = None) -> Pipeline:

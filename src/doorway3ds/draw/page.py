@@ -7,6 +7,7 @@ import math
 import cv2
 import numpy as np
 
+from doorway3ds.arguments import require, require_number
 from doorway3ds.draw.canvas import INK, MUTED, PAPER, RULE, WHITE, View, rounded
 from doorway3ds.draw.legend import draw_legend
 from doorway3ds.draw.panels import (
@@ -25,7 +26,7 @@ from doorway3ds.types import Decision, Reason
 
 DESIGN_WIDTH = 1600  # the page's layout is written for this width and scaled to others
 _MARGIN, _GAP, _SIDE = 48, 32, 472
-_SMALLEST_WIDTH = 400
+_SMALLEST_WIDTH, _LARGEST_WIDTH = 400, 16_000
 _TALLEST = 2400  # of all layouts, with every text at its longest
 _EXTREME = (0.2, 8.0)  # aspects beyond are drawn squeezed to these
 
@@ -44,6 +45,7 @@ def overlay(decision: Decision, faint: bool = False) -> Image:
     Returns:
         A new image (H, W, 3) uint8 RGB with all marks and the answer in words.
     """
+    require("decision", decision, Decision, "a Decision")
     decision = decision if faint else without_faint(decision)
     image = np.ascontiguousarray(decision.frame.image).copy()
     height, width = image.shape[:2]
@@ -94,12 +96,10 @@ def annotate(decision: Decision, width: int = DESIGN_WIDTH, faint: bool = False)
         (H, width, 3) uint8 RGB; H follows the photograph's aspect.
 
     Raises:
-        ValueError: for a width too small to read.
+        UserError: for a width too small to read, or too large to draw.
     """
-    if width < _SMALLEST_WIDTH:
-        raise ValueError(
-            f"an annotated image must be at least {_SMALLEST_WIDTH} pixels wide, got {width}"
-        )
+    require("decision", decision, Decision, "a Decision")
+    require_number("width", width, _SMALLEST_WIDTH, _LARGEST_WIDTH, whole=True)
     decision = decision if faint else without_faint(decision)
     page = _Page(width)
     top = page.header(decision)

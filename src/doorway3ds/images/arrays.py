@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.errors import UserError
+from doorway3ds.arguments import require_image
 
 
 def from_bgr(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -25,12 +25,7 @@ def from_bgr(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     Raises:
         UserError: for an array of another shape or type.
     """
-    shape = image.shape
-    if image.dtype == np.uint8 and image.ndim == 2:
+    require_image("image", image, depths=(3, 4, None))
+    if image.ndim == 2:
         return np.repeat(image[..., None], 3, axis=2)
-    if image.dtype != np.uint8 or image.ndim != 3 or shape[2] not in (3, 4):
-        raise UserError(
-            f"expected a uint8 image of shape (H, W, 3), (H, W, 4) or (H, W), "
-            f"got {shape} {image.dtype}"
-        )
     return np.ascontiguousarray(image[..., 2::-1])

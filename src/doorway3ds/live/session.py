@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from doorway3ds.arguments import require
 from doorway3ds.camera.model import Camera, Pose, wrapped_deg
 from doorway3ds.decide.pipeline import Pipeline
+from doorway3ds.draw.words import counted
 from doorway3ds.live.eyes import Eyes, Update
 from doorway3ds.live.feed import Feed
 from doorway3ds.live.lens import LensWatch
@@ -86,6 +89,10 @@ class Session(Eyes):
     @property
     def pipeline(self) -> Pipeline:
         return self._setup.pipeline
+
+    def __repr__(self) -> str:
+        number = 0 if self._last is None else self._last.number
+        return f"<Session of {self.source.name}, {counted(number, 'update')}>"
 
     @property
     def doubt(self) -> str | None:
@@ -185,7 +192,7 @@ class Session(Eyes):
 
 
 def watch(
-    source: Source | str,
+    source: Source | str | os.PathLike[str],
     pipeline: Pipeline | None = None,
     *,
     camera: Camera | CameraFor | None = None,
@@ -209,8 +216,10 @@ def watch(
         A session: a context manager and an iterator of updates.
 
     Raises:
-        CallError: for a URI that names no source. UserError: if it cannot be opened.
+        UserError: for a URI that names no source, an argument of another kind, or if it cannot be
+            opened.
     """
+    require("pipeline", pipeline, (Pipeline, type(None)), "a Pipeline or None")
     pipeline = pipeline or Pipeline.default()
     if isinstance(source, Source):
         return Session(source, pipeline)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from doorway3ds.arguments import require_numbers
 from doorway3ds.decide.options import ALIGNED_DEG
 from doorway3ds.live.filters import Belief, Smoothed
 from doorway3ds.types import Decision, Opening, Reason, Selection
@@ -53,6 +54,9 @@ class TrackerParams:
     aligned_deg: float = ALIGNED_DEG
     turn_from_deg: float = 4.5
     restart_s: float = 5.0
+
+    def __post_init__(self) -> None:
+        require_numbers(self)
 
 
 class Track:

@@ -8,9 +8,10 @@ the frames' stamps, so that what is decided does not depend on the frame rate or
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+from doorway3ds.arguments import require, require_number
 from doorway3ds.live.filters import Belief
 from doorway3ds.live.track import Track, TrackerParams
 from doorway3ds.types import Decision, Opening, Reason, Selection
@@ -28,7 +29,7 @@ class Tracked:
     """
 
     decision: Decision
-    raw: Decision
+    raw: Decision = field(repr=False)
     belief: float
     bearing_deg: float | None = None
     bearing_sd_deg: float | None = None
@@ -85,9 +86,14 @@ class Tracker:
     """
 
     def __init__(self, params: TrackerParams | None = None) -> None:
+        require("params", params, (TrackerParams, type(None)), "TrackerParams or None")
         self.params = params or TrackerParams()
         self._followed_so_far = 0
         self._restart()
+
+    def __repr__(self) -> str:
+        followed = "none" if self._main is None else f"{self._main.bearing.value:+.1f} deg"
+        return f"<Tracker following {followed}, belief {self._belief.p:.2f}>"
 
     def _restart(self) -> None:
         params = self.params
@@ -105,6 +111,8 @@ class Tracker:
 
         turned_deg: by how much the robot has turned since the frame before, + left.
         """
+        require("decision", decision, Decision, "a Decision")
+        require_number("turned_deg", turned_deg)
         params, now = self.params, decision.frame.stamp_s
         gap = None if self._last_s is None else now - self._last_s
         if gap is not None and not 0 <= gap < params.restart_s:

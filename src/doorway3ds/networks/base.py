@@ -54,6 +54,9 @@ class Joined:
             (presets_of(n) for n in reversed(self.networks) if COLUMNS in n.gives), {}
         )
 
+    def __repr__(self) -> str:
+        return f"<Joined {self.name}>"
+
     def __call__(self, image: NDArray[np.uint8], camera: Camera) -> Perception:
         seen = [(network, network(image, camera)) for network in self.networks]
         timings: dict[str, float] = {}

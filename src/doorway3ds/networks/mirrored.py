@@ -31,6 +31,9 @@ class Mirrored:
         self.thresholds = thresholds_of(network)
         self.presets = presets_of(network)
 
+    def __repr__(self) -> str:
+        return f"<Mirrored {self.network.name}>"
+
     def __call__(self, image: NDArray[np.uint8], camera: Camera) -> Perception:
         plain = self.network(image, camera)
         other = self.network(np.ascontiguousarray(image[:, ::-1]), camera.mirrored())

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from doorway3ds.arguments import require, require_number
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.files import write_bytes
 from doorway3ds.networks import hub
@@ -232,9 +233,13 @@ def load(name: str, *, threads: int | None = None, needs: Iterable[str] = ()) ->
         What a `Pipeline` takes as its network.
 
     Raises:
-        CallError: for an unknown name, or if something needed is not given.
-        UserError: if a file is missing (with how to get it), damaged or of another signature.
+        UserError: for an unknown name, an argument of another kind, something needed that is not
+            given, or a file that is missing (with how to get it), damaged or of another signature.
     """
+    require("name", name, str, "the name of a network, or two joined by +")
+    require_number("threads", threads, 1, 1024, whole=True, optional=True)
+    if isinstance(needs, str):
+        raise CallError(f"needs must be a sequence of words, got {needs!r}")
     parts = [_load_one(part, threads) for part in name.split("+")]
     network = parts[0] if len(parts) == 1 else Joined(parts)
     lacking = [need for need in needs if need not in network.gives]

@@ -10,10 +10,12 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from numbers import Real
 from typing import Protocol
 
+from doorway3ds.arguments import require, require_number, shown
 from doorway3ds.compat import StrEnum
-from doorway3ds.errors import UserError
+from doorway3ds.errors import CallError, UserError
 
 
 class RobotError(UserError):
@@ -81,9 +83,9 @@ class Limits:
 
     def __post_init__(self) -> None:
         for name in ("max_turn_deg", "max_turns", "max_total_deg", "ttl_s", "turn_timeout_s"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be a positive number, got {value}")
+            require_number(name, getattr(self, name))
+            if getattr(self, name) <= 0:
+                raise CallError(f"{name} must be positive, got {getattr(self, name):g}")
 
 
 class Robot(Protocol):
@@ -134,6 +136,9 @@ class DryRobot:
 
     name = "dry"
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name}>"
+
     def prepare(self) -> None:
         return
 
@@ -178,11 +183,18 @@ class Driver:
         limits: Limits | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        if not (callable(getattr(robot, "turn", None)) and hasattr(robot, "stop")):
+            raise CallError(f"robot must follow the protocol Robot, got {shown(robot)}")
+        require("move", move, bool, "True or False")
+        require("limits", limits, (Limits, type(None)), "Limits or None")
         self.robot, self.move, self.limits = robot, move, limits or Limits()
         self._clock = clock
         self.turns = 0
         self.total_deg = 0.0
         self._halted: TurnEnd | None = None
+
+    def __repr__(self) -> str:
+        return f"<Driver of {self.robot.name}, {'may' if self.move else 'may not'} move>"
 
     def prepare(self) -> None:
         if self.move:
@@ -190,6 +202,7 @@ class Driver:
 
     def clamp(self, theta_deg: float) -> float:
         """The nearest angle that one turn may have."""
+        require_number("theta_deg", theta_deg)
         return max(-self.limits.max_turn_deg, min(self.limits.max_turn_deg, theta_deg))
 
     def age_s(self, stamp_s: float) -> float:
@@ -203,6 +216,8 @@ class Driver:
         decision that is too old or from the future, a run that has turned enough, or a robot
         that fell or bumped before.
         """
+        require("theta_deg", theta_deg, Real, "an angle in degrees")
+        require_number("stamp_s", stamp_s)
         limits = self.limits
         if not math.isfinite(theta_deg) or abs(theta_deg) > limits.max_turn_deg + 1e-9:
             raise Refused(

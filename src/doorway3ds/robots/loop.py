@@ -12,10 +12,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeVar
 
+from doorway3ds.arguments import require, require_numbers, shown
 from doorway3ds.compat import StrEnum
 from doorway3ds.decide.options import ALIGNED_DEG
 from doorway3ds.draw.words import counted
-from doorway3ds.errors import UserError
+from doorway3ds.errors import CallError, UserError
 from doorway3ds.robots.base import HALTING, Driver, Refused, RobotLost, TurnEnd, TurnResult
 from doorway3ds.robots.runlog import RunLog
 from doorway3ds.sources.base import SourceLost
@@ -97,6 +98,9 @@ class LoopParams:
     unsure_looks: int = 4
     goes: int = 6
 
+    def __post_init__(self) -> None:
+        require_numbers(self)
+
 
 @dataclass(frozen=True)
 class Report:
@@ -157,6 +161,10 @@ class TurnLoop:
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
+        if not (callable(getattr(eyes, "look", None)) and hasattr(eyes, "check_way")):
+            raise CallError(f"eyes must look, as what `watch` returns, got {shown(eyes)}")
+        require("driver", driver, Driver, "a Driver")
+        require("params", params, (LoopParams, type(None)), "LoopParams or None")
         self._eyes, self._driver = eyes, driver
         self._params, self._log = params or LoopParams(), log or RunLog(None)
         self._tell, self._decided = tell, decided
@@ -169,6 +177,9 @@ class TurnLoop:
         self._ahead: tuple[float, float] | None = None
         self._side = 1.0
         self._expected_deg: float | None = None
+
+    def __repr__(self) -> str:
+        return f"<TurnLoop of {self._driver.robot.name}, {counted(self._looks, 'look')}>"
 
     def run(self) -> Report:
         """Runs until an outcome. Whatever ends it, the robot has been told to stop.

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from doorway3ds.arguments import shown
 from doorway3ds.camera.choice import FitCamera, default_camera, turned_camera
 from doorway3ds.camera.model import Camera, Pose
-from doorway3ds.errors import UserError
+from doorway3ds.errors import CallError, UserError
 from doorway3ds.types import Frame
 
 if TYPE_CHECKING:
@@ -86,6 +87,13 @@ class View:
         )
 
 
+def require_view(camera: object, pose: object) -> None:
+    """CallError for what is no camera or pose, nor a function that gives one, nor None."""
+    for name, value, kind in (("camera", camera, Camera), ("pose", pose, Pose)):
+        if value is not None and not isinstance(value, kind) and not callable(value):
+            raise CallError(f"{name} must be a {kind.__name__} or None, got {shown(value)}")
+
+
 class Source(ABC):
     """An iterator of frames that holds a device, file or connection until it is closed.
 
@@ -124,6 +132,9 @@ class Source(ABC):
         self.ended = False
         self.truth: Network | None = None
         self.notice: Callable[[str], None] = _ignore
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name}>"
 
     @abstractmethod
     def read(self, timeout_s: float | None = None) -> Frame | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import os
 import re
 from importlib import import_module
 from importlib.util import find_spec
@@ -10,10 +11,11 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from doorway3ds.arguments import require, require_number
 from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.sources.address import without_password
-from doorway3ds.sources.base import CameraFor, PoseOf, Source, View
+from doorway3ds.sources.base import CameraFor, PoseOf, Source, View, require_view
 
 # Sources in modules of their own, each with open_uri(uri, view, **options) -> Source.
 _ELSEWHERE = {
@@ -22,6 +24,8 @@ _ELSEWHERE = {
     "sim": "doorway3ds.lab.sim.robot.source",
 }
 
+_OPTIONS = frozenset({"pace", "loop", "fps", "patience_s", "stall_s", "stream", "capture"})
+
 EXPECTED = (
     "an image, a folder, a pattern such as 'pictures/*.jpg', a video file, - (images on standard "
     "input), webcam://0, rtsp://, http:// (MJPEG), bag://, sim:// or nao://"
@@ -29,7 +33,7 @@ EXPECTED = (
 
 
 def open_source(
-    uri: str,
+    uri: str | os.PathLike[str],
     *,
     camera: Camera | CameraFor | None = None,
     pose: Pose | PoseOf | None = None,
@@ -55,10 +59,18 @@ def open_source(
         A context manager and iterator of `Frame`.
 
     Raises:
-        CallError: for a URI that names no source.
-        UserError: if it cannot be opened (SourceLost for live ones).
+        UserError: for a URI that names no source, an argument of another kind, or if it cannot be
+            opened (SourceLost for live ones).
     """
-    view = View(camera, pose)
+    require("uri", uri, (str, os.PathLike), "text or a path")
+    require_view(camera, pose)
+    if unknown := sorted(options.keys() - _OPTIONS):
+        raise CallError(f"open_source has no option {', '.join(unknown)}")
+    require_number("fps", options.get("fps"), 0.001, 1000, optional=True)
+    require_number("patience_s", options.get("patience_s"), 0, optional=True)
+    view, uri = View(camera, pose), os.fspath(uri)
+    if not uri:
+        raise CallError(f"uri is empty; expected {EXPECTED}")
     if uri == "-":
         from doorway3ds.sources.stills import StreamOfImages
 
