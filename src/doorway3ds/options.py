@@ -12,6 +12,11 @@ from typing import Any, ClassVar
 from doorway3ds.arguments import require_number
 from doorway3ds.errors import CallError
 
+MANY = 1_000_000
+"""More than anyone counts to."""
+SEED = {"low": 0, "high": 2**32 - 1}  # as Keras and NumPy take one
+THREADS = {"low": 1, "high": 4096}
+
 
 @dataclass(frozen=True)
 class Setting:

@@ -41,6 +41,9 @@ def test_refusals(cli: Cli) -> None:
     assert cli("models", "import", "cnn-srin", "none.onnx").status == 1
     assert cli("models", "import", "cnn-srin", "net.onnx").status == 1
     assert cli("models", "import", "magic", "net.onnx").status == 2
-    assert cli("models", "fetch", "densedepth").status == 2
-    assert cli("models", "fetch", "densedepth", "--url", "http://127.0.0.1:9/x").status == 2
+    without_checksum = ("densedepth", "--url", "http://127.0.0.1:9/x")
+    for call in (("densedepth",), without_checksum, ("nope",), ("doornet",)):
+        ran = cli("models", "fetch", *call)
+        assert (ran.status, ran.out, ran.err.count("\n")) == (2, "", 1)
+        assert "fetching" not in ran.err
     assert list(Path("models").iterdir()) == []

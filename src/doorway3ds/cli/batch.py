@@ -31,7 +31,7 @@ def batch(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the Parquet data set.")],
     camera: CameraOptions,
     decide: DecideOptions,
-    workers: int | None = setting(None, "Processes; default: one for each core.", low=1),
+    workers: int | None = setting(None, "Processes; default: one for each core.", low=1, high=1024),
     ray: str | None = setting(None, "Decide on a Ray cluster instead.", metavar="ADDRESS|auto"),
     annotate: Path | None = setting(None, "Write annotated images there.", metavar="DIR"),
     depth_dir: Path | None = setting(

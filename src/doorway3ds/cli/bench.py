@@ -14,7 +14,7 @@ from doorway3ds.cli.shared.options import expand
 from doorway3ds.compat import StrEnum
 from doorway3ds.decide.options import PACKAGED
 from doorway3ds.errors import CallError
-from doorway3ds.options import setting
+from doorway3ds.options import THREADS, setting
 
 if TYPE_CHECKING:
     from doorway3ds.lab.peers import Peers
@@ -47,7 +47,7 @@ def bench(
         None, "Decisions per network; default: 200, with --against 20.", low=3, high=100_000
     ),
     starts: int = setting(5, "Cold starts per network; 0 leaves them out.", low=0, high=1000),
-    threads: int | None = setting(None, "CPU threads of the networks; default: all.", low=1),
+    threads: int | None = setting(None, "CPU threads of the networks; default: all.", **THREADS),
     out: Path = setting(RESULTS, "Folder for the JSON result.", metavar="DIR"),
 ) -> None:
     """Measure latency by stage, cold start and peak memory; two networks also as a ratio.

@@ -20,7 +20,7 @@ from doorway3ds.decide.options import PACKAGED
 from doorway3ds.errors import CallError
 from doorway3ds.files import write_bytes
 from doorway3ds.lab.evaluate.options import DataOptions, MarkOptions, ReportOptions
-from doorway3ds.options import setting
+from doorway3ds.options import MANY, setting
 
 if TYPE_CHECKING:
     from doorway3ds.lab.datasets.samples import Dataset, Sample
@@ -212,7 +212,7 @@ def overview(
     ],
     network: Networks = None,
     preset: str | None = setting(None, "Operating point of the networks' files.", metavar="NAME"),
-    repeats: int = setting(2000, "Bootstrap resamples; 0 = no intervals.", low=0),
+    repeats: int = setting(2000, "Bootstrap resamples; 0 = no intervals.", low=0, high=MANY),
     sheets: Path | None = setting(
         None, "Write the worst images of each set there, as PNG.", metavar="DIR"
     ),

@@ -67,7 +67,7 @@ def live(
         None, "Bag to write: images, decisions, markers and depth.", metavar="DIR"
     ),
     rerun: Rerun = None,
-    frames: int | None = setting(None, "Stop after N frames.", low=1),
+    frames: int | None = setting(None, "Stop after N frames.", low=1, high=10**9),
     log: RunFolder = None,
     robot: str | None = setting(None, ROBOT_HELP, metavar="ROBOT"),
 ) -> None:

@@ -55,8 +55,10 @@ def fetch(
     """
     from doorway3ds.networks.fetch import fetch as download
 
-    typer.echo(f"{name}: fetching", err=True)
-    typer.echo(f"{name}: installed {download(name, url, sha256, licence)}")
+    path = download(
+        name, url, sha256, licence, lambda: typer.echo(f"{name}: fetching", err=True)
+    )
+    typer.echo(f"{name}: installed {path}")
 
 
 @app.command("import")

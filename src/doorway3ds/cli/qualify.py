@@ -17,7 +17,7 @@ from doorway3ds.decide.options import PACKAGED
 from doorway3ds.errors import CallError
 from doorway3ds.files import write_bytes
 from doorway3ds.lab.train.options import SiteOptions, TuneOptions
-from doorway3ds.options import setting
+from doorway3ds.options import MANY, THREADS, setting
 
 if TYPE_CHECKING:
     from doorway3ds.lab.train.site.score import Comparison
@@ -54,9 +54,9 @@ def qualify(
     hold_out: float = setting(
         0.4, "Share of the images held out to judge the result.", low=0.1, high=0.8
     ),
-    repeats: int = setting(2000, "Bootstrap resamples.", low=100),
+    repeats: int = setting(2000, "Bootstrap resamples.", low=100, high=MANY),
     licence: str | None = setting(None, "Licence of the images, noted on the card."),
-    threads: int | None = setting(None, "CPU threads; default: all.", low=1),
+    threads: int | None = setting(None, "CPU threads; default: all.", **THREADS),
 ) -> None:
     """Measure the network at your site, fine-tune it on your images, and keep it if it is better.
 

@@ -14,7 +14,7 @@ from doorway3ds.cli.shared.output import say
 from doorway3ds.cli.shared.viewer import Rerun, viewer_of
 from doorway3ds.decide.options import DecideOptions, Method
 from doorway3ds.errors import UserError
-from doorway3ds.options import setting
+from doorway3ds.options import THREADS, setting
 
 if TYPE_CHECKING:
     from doorway3ds.decide.pipeline import Pipeline
@@ -30,8 +30,10 @@ def replay(
         None, "Network to use instead of the run's.", metavar="NAME[+NAME]"
     ),
     method: Method | None = setting(None, "Method to use instead of the run's."),
-    tolerance: float = setting(1e-6, "Relative difference within which numbers agree."),
-    threads: int | None = setting(None, "CPU threads of the network.", low=1),
+    tolerance: float = setting(
+        1e-6, "Relative difference within which numbers agree.", low=0, high=1
+    ),
+    threads: int | None = setting(None, "CPU threads of the network.", **THREADS),
     rerun: Rerun = None,
 ) -> None:
     """Decide on each recorded image again and report where the answer differs.

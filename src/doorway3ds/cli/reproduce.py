@@ -17,7 +17,7 @@ from doorway3ds.cli.shared.training import Watch, command_line
 from doorway3ds.decide.options import PACKAGED
 from doorway3ds.errors import CallError
 from doorway3ds.lab.train.options import ClassOptions, SrinOptions, StartOptions
-from doorway3ds.options import setting
+from doorway3ds.options import THREADS, setting
 
 if TYPE_CHECKING:
     from doorway3ds.lab.datasets.doors import DoorPictures
@@ -42,7 +42,7 @@ def reproduce(
         "Data set to train CNN-SRIN on for 10, 20 and 30 epochs; needs --out.",
         metavar="DATASET",
     ),
-    threads: int | None = setting(None, "CPU threads; default: all.", low=1),
+    threads: int | None = setting(None, "CPU threads; default: all.", **THREADS),
     as_json: bool = setting(False, "Print one JSON object instead.", names=("--json",)),
     out: Path | None = setting(
         None, "Write report.html, report.json and PNGs there.", metavar="DIR"

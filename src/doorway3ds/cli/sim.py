@@ -9,7 +9,7 @@ import typer
 
 from doorway3ds.cli.shared.options import expand
 from doorway3ds.errors import CallError, UserError
-from doorway3ds.options import setting
+from doorway3ds.options import MANY, SEED, setting
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -40,10 +40,10 @@ def render(
     out: Annotated[
         Path, typer.Option(help="Folder to write; an interrupted run continues where it stopped.")
     ],
-    count: int = setting(100, "Number of images.", low=1),
-    seed: int = setting(0, "Seed of the homes.", low=0),
+    count: int = setting(100, "Number of images.", low=1, high=MANY),
+    seed: int = setting(0, "Seed of the homes.", **SEED),
     size: str = setting("320x240", "WIDTHxHEIGHT of the images."),
-    workers: int = setting(2, "Number of processes.", low=1),
+    workers: int = setting(2, "Number of processes.", low=1, high=1024),
     hazards: float = setting(
         0.0, "Share of homes with stairs, glass, mirrors, people ...", low=0, high=1
     ),
@@ -74,12 +74,18 @@ def view(
     out: Annotated[
         Path, typer.Option(help="Image to write; its truth goes into truth/ beside it.")
     ],
-    home: Annotated[int, typer.Option(min=0, help="Seed of the home.")],
-    x: Annotated[float, typer.Option(help="Position along x in the home's plan, in metres.")],
-    y: Annotated[float, typer.Option(help="Position along y in the home's plan, in metres.")],
-    heading_deg: Annotated[float, typer.Option(help="Heading: 0 looks along x, 90 along y.")],
+    home: int = setting(..., "Seed of the home.", **SEED),
+    x: float = setting(
+        ..., "Position along x in the home's plan, in metres.", low=-1000, high=1000
+    ),
+    y: float = setting(
+        ..., "Position along y in the home's plan, in metres.", low=-1000, high=1000
+    ),
+    heading_deg: float = setting(..., "Heading: 0 looks along x, 90 along y.", low=-360, high=360),
     camera: str = setting("nao-v5-top", "Camera preset."),
-    pitch_deg: float | None = setting(None, "Pitch, + up, instead of the preset's."),
+    pitch_deg: float | None = setting(
+        None, "Pitch, + up, instead of the preset's.", low=-90, high=90
+    ),
     size: str = setting("640x480", "WIDTHxHEIGHT of the image."),
 ) -> None:
     """Render one image from a given place.
@@ -108,7 +114,7 @@ def view(
 @expand
 def nao(
     listen: str = setting("tcp://127.0.0.1:9559", "Address on which NAOqi answers.", metavar="URL"),
-    seed: int = setting(0, "Seed of the homes.", low=0),
+    seed: int = setting(0, "Seed of the homes.", **SEED),
     scenario: str = setting("doorway", "Scene in front of the robot; see docs/robot.md."),
     robot: str = setting("nao", "Model: nao or pepper.", choices=("nao", "pepper")),
 ) -> None:
@@ -165,7 +171,7 @@ def trial(
         Path,
         typer.Option(help="Folder for episodes and tables; an interrupted run continues in it."),
     ],
-    episodes: int = setting(60, "Episodes of each scene.", low=1),
+    episodes: int = setting(60, "Episodes of each scene.", low=1, high=MANY),
     scenes: str | None = setting(
         None,
         "Scenes to play, separated by commas; default: all; see docs/robot.md.",
@@ -175,8 +181,8 @@ def trial(
     method: str = setting(
         "both", "Method: opening, paper or both.", choices=("opening", "paper", "both")
     ),
-    seed: int = setting(0, "Seed of the first episode.", low=0),
-    workers: int = setting(2, "Number of processes.", low=1),
+    seed: int = setting(0, "Seed of the first episode.", **SEED),
+    workers: int = setting(2, "Number of processes.", low=1, high=1024),
     film: bool = setting(False, "Also write a GIF of each scene."),
 ) -> None:
     """Play the closed loop in many homes; both methods meet the same stages.

@@ -138,7 +138,11 @@ def densedepth(
     running: FileOptions,
     out: Out = Path("runs/densedepth"),
     unit_m: float | None = setting(
-        None, "Metres per count of depth, if the data do not say.", metavar="M"
+        None,
+        "Metres per count of depth, if the data do not say.",
+        metavar="M",
+        low=1e-9,
+        high=1000,
     ),
 ) -> None:
     """Train the paper's depth network (DenseNet-169) on images with depth.

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from doorway3ds.compat import StrEnum
 from doorway3ds.errors import CallError
-from doorway3ds.options import Options, setting
+from doorway3ds.options import THREADS, Options, setting
 
 PACKAGED = "doornet"
 """The network that decides unless another is named; its file is in the package."""
@@ -37,7 +37,7 @@ class NetworkOptions(Options):
     mirror: bool = setting(
         False, "Average over both mirrorings of the image: steadier, at twice the time."
     )
-    threads: int | None = setting(None, "CPU threads of the network.", low=1, high=1024)
+    threads: int | None = setting(None, "CPU threads of the network.", **THREADS)
 
 
 @dataclass(frozen=True)

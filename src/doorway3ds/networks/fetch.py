@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 from doorway3ds.errors import CallError, UserError
@@ -15,18 +16,25 @@ TIMEOUT_S = 30
 
 
 def fetch(
-    name: str, url: str | None = None, sha256: str | None = None, licence: str | None = None
+    name: str,
+    url: str | None = None,
+    sha256: str | None = None,
+    licence: str | None = None,
+    begin: Callable[[], object] = lambda: None,
 ) -> Path:
     """Downloads the file of network `name`, checks its SHA-256 and signature, and installs it.
 
     url, sha256: default: the registry's own, where it has them. A file of the hub stays in the
-    hub's cache.
+    hub's cache. begin: called once the call is known to be right, before anything is fetched.
 
     Raises CallError if there is nothing to fetch or no checksum to hold it to; UserError
     where the address does not answer, or what came is not what was asked for.
     """
     model = find(name)
+    if model.packaged:
+        raise CallError(f"{name} is packaged; {model.make}")
     if url is None and model.hub is not None:
+        begin()
         return _from_hub(name, model.hub, sha256 or model.sha256)
     sha256 = sha256 or (model.sha256 if url in (None, model.url) else None)
     url = url or model.url
@@ -39,6 +47,7 @@ def fetch(
         raise CallError(f"--sha256 must be 64 hexadecimal digits, got {sha256!r}")
     if not url.startswith(("https://", "http://")):
         raise CallError(f"expected an http(s) address, got {url!r}")
+    begin()
     with tempfile.TemporaryDirectory() as folder:
         file = _download(url, sha256, Path(folder))
         return install(name, file, source=url, licence=licence, sha256=sha256)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from doorway3ds.camera.options import LensOptions
-from doorway3ds.options import Options, setting
+from doorway3ds.options import MANY, Options, setting
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class ReportOptions(Options):
 
     panel: ClassVar[str] = "Report"
 
-    repeats: int = setting(2000, "Bootstrap resamples; 0 = no intervals.", low=0, high=1_000_000)
+    repeats: int = setting(2000, "Bootstrap resamples; 0 = no intervals.", low=0, high=MANY)
     out: Path | None = setting(
         None, "Write report.html, report.json and PNGs there.", metavar="DIR"
     )

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, ClassVar
 
 from doorway3ds.decide.options import PACKAGED
 from doorway3ds.errors import CallError
-from doorway3ds.options import Options
+from doorway3ds.options import MANY, SEED, THREADS, Options
 from doorway3ds.options import setting as option
 
 if TYPE_CHECKING:
     from doorway3ds.lab.datasets.places import Choice
 
 PRECISIONS = ("auto", "float32", "bfloat16")
-_MANY = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ class GroupOptions(Options):
 class PairOptions(GroupOptions):
     """The same of pictures with depth."""
 
-    limit: int | None = option(None, "Largest number of images.", low=2, high=_MANY)
+    limit: int | None = option(None, "Largest number of images.", low=2, high=MANY)
 
 
 @dataclass(frozen=True)
@@ -75,7 +74,7 @@ class ClassOptions(SiteOptions):
     layout: str | None = option(
         None, "Layout, as in `3ds eval`; default: recognised from the files."
     )
-    limit: int | None = option(None, "Largest number of images per class.", low=1, high=_MANY)
+    limit: int | None = option(None, "Largest number of images per class.", low=1, high=MANY)
 
 
 @dataclass(frozen=True)
@@ -90,7 +89,7 @@ class StartOptions(Options):
         metavar="imagenet|none|FILE",
     )
     validation: float = option(0.2, "Share held out.", low=0.01, high=0.9)
-    seed: int = option(0, "Seed of everything drawn at random.", low=0, high=2**32 - 1)
+    seed: int = option(0, "Seed of everything drawn at random.", **SEED)
 
     @property
     def first_weights(self) -> str | Path:
@@ -102,14 +101,14 @@ class StartOptions(Options):
 class TrainOptions(StartOptions):
     """How a network is trained."""
 
-    epochs: int = option(20, "Passes over the training images.", low=1, high=_MANY)
+    epochs: int = option(20, "Passes over the training images.", low=1, high=MANY)
     learning_rate: float = option(1e-3, "Learning rate of Adam.", low=1e-12, high=10)
-    batch: int = option(32, "Images per step.", low=1, high=_MANY)
+    batch: int = option(32, "Images per step.", low=1, high=MANY)
     patience: int = option(
         0,
         "Stop after N epochs without gain and keep the best; 0: never.",
         low=0,
-        high=_MANY,
+        high=MANY,
     )
     precision: str = option(
         "auto", "Arithmetic: auto (bfloat16 on a GPU), float32 or bfloat16.", choices=PRECISIONS
@@ -120,9 +119,9 @@ class TrainOptions(StartOptions):
 class SrinOptions(TrainOptions):
     """How CNN-SRIN is trained."""
 
-    copies: int = option(0, "Augmented copies of each training image.", low=0, high=_MANY)
+    copies: int = option(0, "Augmented copies of each training image.", low=0, high=MANY)
     fine_tune: int = option(
-        0, "Epochs that then train VGG16's top block, too.", low=0, high=_MANY, metavar="EPOCHS"
+        0, "Epochs that then train VGG16's top block, too.", low=0, high=MANY, metavar="EPOCHS"
     )
 
 
@@ -131,7 +130,7 @@ class DepthOptions(TrainOptions):
     """How DenseDepth is trained."""
 
     learning_rate: float = option(1e-4, "Learning rate of Adam.", low=1e-12, high=10)
-    batch: int = option(4, "Images per step.", low=1, high=_MANY)
+    batch: int = option(4, "Images per step.", low=1, high=MANY)
     validation: float = option(0.1, "Share held out.", low=0.01, high=0.9)
     setting: str = option(
         "nyu",
@@ -163,7 +162,11 @@ class DoornetOptions(Options):
         None, "Keep fold K of N of the places for calibration.", metavar="K/N"
     )
     report: int | None = option(
-        None, "Keep fold K out of both training and calibration.", metavar="K"
+        None,
+        "Keep fold K out of both training and calibration.",
+        metavar="K",
+        low=1,
+        high=MANY,
     )
     marks: Path | None = option(
         None, "CSV with exact openings for images that lack them.", metavar="FILE"
@@ -180,12 +183,13 @@ class DoornetOptions(Options):
     labeller: str = option(
         PACKAGED, "Network that labels the unmarked photographs.", metavar="NETWORK"
     )
-    seed: int | None = option(None, "Seed, instead of the recipe's.")
+    seed: int | None = option(None, "Seed, instead of the recipe's.", **SEED)
     patience: int | None = option(
         None,
         "End a stage after N epochs without gain on held-out places and keep the best; "
         "0: never; default: the recipe's.",
         low=0,
+        high=MANY,
     )
     precision: str = option(
         "auto", "Arithmetic: auto (bfloat16 on a GPU), float32 or bfloat16.", choices=PRECISIONS
@@ -213,12 +217,14 @@ class TuneOptions(Options):
     panel: ClassVar[str] = "Training"
     patience: ClassVar[int] = 3  # epochs without gain after which a stage ends
 
-    epochs: int = option(12, "Largest number of epochs of each of the two stages.", low=1)
-    learning_rate: float = option(
-        3e-4, "Learning rate of the heads; the decoder's is a third.", low=1e-12
+    epochs: int = option(
+        12, "Largest number of epochs of each of the two stages.", low=1, high=MANY
     )
-    batch: int = option(8, "Images per step.", low=1)
-    seed: int = option(0, "Seed of everything drawn at random.")
+    learning_rate: float = option(
+        3e-4, "Learning rate of the heads; the decoder's is a third.", low=1e-12, high=10
+    )
+    batch: int = option(8, "Images per step.", low=1, high=MANY)
+    seed: int = option(0, "Seed of everything drawn at random.", **SEED)
 
 
 @dataclass(frozen=True)
@@ -229,7 +235,7 @@ class RunOptions(Options):
 
     resume: bool = option(False, "Continue from the checkpoint in --out.")
     tensorboard: bool = option(False, "Write OUT/tensorboard in addition to the CSV logs.")
-    threads: int | None = option(None, "CPU threads; default: all.", low=1, high=4096)
+    threads: int | None = option(None, "CPU threads; default: all.", **THREADS)
 
 
 @dataclass(frozen=True)
