@@ -12,6 +12,9 @@ from typing import Any
 
 from doorway3ds.errors import CallError
 
+_REAL: Any = Real
+_WHOLE: Any = Integral
+
 
 def require(name: str, value: Any, kind: type | tuple[type, ...], expected: str) -> None:
     """CallError unless the value is of a kind; `expected` completes "`name` must be"."""
@@ -34,7 +37,7 @@ def require_number(
     """
     if optional and value is None:
         return
-    finite = isinstance(value, Integral if whole else Real) and abs(value) < math.inf
+    finite = isinstance(value, _WHOLE if whole else _REAL) and abs(value) < math.inf
     if finite and (low is None or value >= low) and (high is None or value <= high):
         return
     if low is None:

@@ -10,6 +10,7 @@ from urllib.parse import urlsplit
 
 import typer
 
+from doorway3ds.arguments import listed
 from doorway3ds.camera.options import BoardOptions, LensOptions
 from doorway3ds.cli.shared.options import expand
 from doorway3ds.cli.shared.output import complain, quiet_decoders
@@ -42,9 +43,9 @@ def calibrate(
     ] = None,
     model: str | None = setting(
         None,
-        "Lens model; default: the one that predicts held-out views best.",
+        f"Lens model: {listed(list(_MODELS))}; default: the one that predicts held-out views best.",
         choices=tuple(_MODELS),
-        metavar="|".join(_MODELS),
+        metavar="MODEL",
     ),
     out: Path = setting(Path("camera.yaml"), "camera_info YAML file to write."),
     name: str | None = setting(None, "Name of the camera; default: that of --out."),

@@ -43,7 +43,9 @@ Networks = Annotated[
     list[str] | None,
     typer.Option(
         "--network",
-        help="NAME[+NAME] or FILE.onnx; repeatable; default: doornet. {k} is the fold.",
+        metavar="NAME|FILE",
+        help="Network, NAME[+NAME] or an .onnx file; repeatable; default: doornet. {k} is the "
+        "fold.",
     ),
 ]
 

@@ -192,8 +192,9 @@ def _tidy(command: Any) -> None:
     for parameter in parameters:
         if getattr(parameter, "is_flag", False):
             parameter.metavar = ""  # Typer names a flag's type, as if it took a value
-        elif parameter.param_type_name == "argument" and parameter.metavar is None:
-            parameter.metavar = parameter.name.upper()
+        elif parameter.param_type_name == "argument":
+            parameter.metavar = parameter.metavar or parameter.name.upper()
+            parameter.display_type_rich = lambda ctx: None  # such as <list[str]>
     for inner in getattr(command, "commands", {}).values():
         _tidy(inner)
 

@@ -55,9 +55,7 @@ def fetch(
     """
     from doorway3ds.networks.fetch import fetch as download
 
-    path = download(
-        name, url, sha256, licence, lambda: typer.echo(f"{name}: fetching", err=True)
-    )
+    path = download(name, url, sha256, licence, lambda: typer.echo(f"{name}: fetching", err=True))
     typer.echo(f"{name}: installed {path}")
 
 

@@ -85,8 +85,9 @@ class StartOptions(Options):
 
     weights: str = option(
         "imagenet",
-        "Initial weights: Keras' download, random, or an HDF5 file of Keras 1 or 2.",
-        metavar="imagenet|none|FILE",
+        "Initial weights: imagenet (Keras' download), none (random), or an HDF5 file of Keras 1 "
+        "or 2.",
+        metavar="WEIGHTS",
     )
     validation: float = option(0.2, "Share held out.", low=0.01, high=0.9)
     seed: int = option(0, "Seed of everything drawn at random.", **SEED)
