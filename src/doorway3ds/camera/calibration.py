@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,12 +101,17 @@ def calibrate_views(
     name: str,
     model: str | None = None,
     without: tuple[str, ...] = (),
+    go_on: Callable[[], object] = lambda: None,
 ) -> Calibration:
-    """`calibrate` for boards already found in images of `size` (width, height), and `without`."""
+    """`calibrate` for boards already found in images of `size` (width, height), and `without`.
+
+    go_on: called before each of the fits, some seconds in all; what it raises ends the calibration.
+    """
     import cv2
 
     fits: dict[str, Camera] = {}
     for candidate in (model,) if model else _BY_SIMPLICITY:
+        go_on()
         camera = _fit(views, size, candidate, name)
         if camera is not None:
             fits[candidate] = camera
@@ -115,7 +120,7 @@ def calibrate_views(
             "the images do not determine a camera; take more, with the board tilted and near "
             "every corner of the image"
         )
-    scores = {} if model else {kind: _held_out_error(views, size, kind) for kind in fits}
+    scores = {} if model else {kind: _held_out_error(views, size, kind, go_on) for kind in fits}
     camera = fits[_choose(fits, scores)]
     errors = {view.name: _error(camera, view) for view in views}
     corners = [view.corners for view in views]
@@ -176,7 +181,9 @@ def _error(camera: Camera, view: BoardView) -> float:
     return float(np.sqrt(np.mean(np.sum(off * off, axis=1))))
 
 
-def _held_out_error(views: Sequence[BoardView], size: tuple[int, int], model: str) -> float:
+def _held_out_error(
+    views: Sequence[BoardView], size: tuple[int, int], model: str, go_on: Callable[[], object]
+) -> float:
     """RMS over all views of the error in each by a camera fitted to others; inf if there is none.
 
     With fewer views than leave three to fit to, the error of the fit itself.
@@ -187,6 +194,7 @@ def _held_out_error(views: Sequence[BoardView], size: tuple[int, int], model: st
         return math.inf if camera is None else _rms([_error(camera, view) for view in views])
     errors: list[float] = []
     for fold in range(folds):
+        go_on()
         camera = _fit([v for i, v in enumerate(views) if i % folds != fold], size, model, model)
         held_out = views[fold::folds]
         errors += [math.inf if camera is None else _error(camera, view) for view in held_out]

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import httpx
 import numpy as np
 import pytest
 
+from doorway3ds.camera import calibration
 from doorway3ds.camera.guide import COLUMNS, FEWEST, ROWS, SPREAD, TILTS
 from doorway3ds.camera.info import read_camera_info
 from doorway3ds.sources import open_source
@@ -134,6 +137,40 @@ def test_it_finishes_early_if_asked_and_says_what_is_lacking(served: Served) -> 
     result = state_of(served.client)["result"]
     assert 4 <= result["frames"] < FEWEST
     assert result["fx"] == pytest.approx(540, rel=0.03)
+
+
+def test_a_calibration_dropped_while_it_computes_is_never_shown(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    released, ended, fits = threading.Event(), threading.Event(), []
+    fit = calibration._fit
+
+    def held(*given: Any) -> Any:
+        fits.append(given)
+        released.wait(60)
+        try:
+            return fit(*given)
+        finally:
+            ended.set()
+
+    monkeypatch.setattr(calibration, "_fit", held)
+    begin(served.client, name="old")
+    wait_for(lambda: state_of(served.client)["frames"]["taken"] >= 4, SECONDS)
+    served.client.post("/v1/calibration/finish")
+    wait_for(lambda: len(fits) == 1, SECONDS)
+    old = served.state.calibration
+    assert old is not None and state_of(served.client)["state"] == "computing"
+
+    assert served.client.delete("/v1/calibration").json() == {"state": "none"}
+    assert begin(served.client, name="new").json()["state"] == "taking"
+    released.set()
+    wait_for(ended.is_set, SECONDS)
+    wait_for(lambda: state_of(served.client)["frame"] is not None, SECONDS)
+    assert len(fits) == 1  # of the other fits none has begun
+    assert old.found is None and old.state != "done"
+    told = state_of(served.client)
+    assert (told["state"], told["fields"]["name"], told["result"]) == ("taking", "new", None)
+    assert served.client.get("/v1/calibration/camera.yaml").status_code == 404
 
 
 def test_a_film_turned_upright_fails_with_the_reason(

@@ -77,6 +77,10 @@ class CalibrationFields(BoardFields):
     )
 
 
+class _Dropped(Exception):
+    """The calibration was cancelled."""
+
+
 class CalibrationRun:
     """Takes frames of a source until they suffice or `finish`, then computes the camera.
 
@@ -112,7 +116,7 @@ class CalibrationRun:
         self._enough = True
 
     def cancel(self) -> None:
-        """Ends it; what is under way in a thread runs to its end and is dropped."""
+        """Ends it: its thread ends after the fit it is at, and its result is dropped."""
         # Cancelling alone is not heard by a wait that ends at the same moment.
         self._dropped = True
         self._task.cancel()
@@ -143,6 +147,8 @@ class CalibrationRun:
             self.state = "computing"
             self.found = await asyncio.to_thread(self._compute)
             self.state = "done"
+        except _Dropped:
+            pass
         except UserError as error:
             self.state, self.problem = "failed", str(error)
         except Exception:
@@ -170,9 +176,14 @@ class CalibrationRun:
     def _compute(self) -> Calibration:
         guide, name = self._guide, self.fields.name
         assert guide.size is not None  # as there are frames
-        found = calibrate_views(guide.views, guide.size, name)
+        found = calibrate_views(guide.views, guide.size, name, go_on=self._go_on)
+        self._go_on()
         check_lens(found.camera, name)
         return found
+
+    def _go_on(self) -> None:
+        if self._dropped:
+            raise _Dropped
 
 
 def _outline(guide: Guide) -> list[list[float]] | None:
