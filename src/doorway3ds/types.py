@@ -138,7 +138,7 @@ class Perception:
     depth_error: relative standard deviation of depth_m within an image, whose scale as a whole may
         be off by more; 0 for true depth.
     bearing_error_deg: by how much a doorway's bearing by these columns is off, as measured on
-        pictures that the network had not seen (68th percentile); None = not measured.
+        images that the network had not seen (68th percentile); None = not measured.
     relative: instead of depth_m where the network knows no metres; `relative.in_metres` does.
     """
 

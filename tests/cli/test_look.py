@@ -119,7 +119,7 @@ def test_standard_input(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_one_bad_image_does_not_cost_the_others(cli: Cli) -> None:
-    Path("bad.jpg").write_text("no picture")
+    Path("bad.jpg").write_text("no image")
     Path("empty").mkdir()
     ran = cli("look", "none.jpg", "bad.jpg", "empty", "photo.jpg", "--json", *NET)
     assert ran.status == 1

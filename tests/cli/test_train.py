@@ -41,7 +41,7 @@ def answers(cli: Cli) -> dict[str, object]:
 
 def test_cnn_srin_from_two_folders_to_look(cli: Cli, tmp_path: Path) -> None:
     classes(tmp_path / "data", 4)
-    (tmp_path / "data" / "open-door" / "bad.jpg").write_bytes(b"no picture")
+    (tmp_path / "data" / "open-door" / "bad.jpg").write_bytes(b"no image")
     call = ("train", "cnn-srin", "data", "--weights", "none", "--batch", 4, "--out", "run")
     call += ("--threads", 1, "--validation", 0.3, "--licence", "CC0-1.0")
     ran = cli(*call, "--epochs", 2, "--copies", 1, "--fine-tune", 1)

@@ -57,7 +57,7 @@ def decision(
         clear={Reason.BLOCKED: False, Reason.UNSURE: None}.get(reason, True),
         floor_from_m=1.1,
         openings=openings,
-        unsure="the opening is cut by the picture's left edge" if reason is Reason.UNSURE else None,
+        unsure="the opening is cut by the image's left edge" if reason is Reason.UNSURE else None,
         look="left" if reason is Reason.UNSURE else None,
         evidence={"corridor_px": corridor, "obstacle_px": None},
     )
@@ -299,7 +299,7 @@ def test_words_say_what_to_do_and_why() -> None:
     assert headline(made) == f"Turn left {made.turn_deg:.1f}°"
     assert headline(mirrored(made)) == f"Turn right {made.turn_deg:.1f}°"
     assert headline(decision(Reason.UNSURE)) == "Look left first"
-    assert "cut by the picture's left edge" in sentence(decision(Reason.UNSURE))
+    assert "cut by the image's left edge" in sentence(decision(Reason.UNSURE))
     assert "0.10" in sentence(decision(Reason.NO_DOOR))
     assert len({headline(decision(reason)) for reason in Reason}) == len(Reason)
     labels = {fact.label: fact for fact in facts(made)}

@@ -88,7 +88,7 @@ def test_the_network_works_while_the_caller_does() -> None:
 def test_an_error_comes_in_its_turn_and_what_follows_it_still_comes(ahead: int) -> None:
     def breaks(number: int) -> None:
         if number == 2:
-            raise UserError("this picture cannot be used")
+            raise UserError("this image cannot be used")
 
     with Feed(Numbers(4, breaks), see, ahead=ahead) as feed:
         assert [feed.read(5), feed.read(5)] == [(0.0, "#0"), (1.0, "#1")]

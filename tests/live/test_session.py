@@ -107,7 +107,7 @@ def test_a_lost_source_raises_and_another_error_does_not_end_the_session() -> No
         def read(self, timeout_s: float | None = None) -> Frame | None:
             if self.given == 1 and not self.damaged:
                 self.damaged = 1
-                raise UserError("the second picture is damaged")
+                raise UserError("the second image is damaged")
             return super().read(timeout_s)
 
     with Session(Damaged(3), Pipeline(Door())) as session:

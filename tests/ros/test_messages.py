@@ -121,7 +121,7 @@ def test_wrong_compressed_images_are_refused() -> None:
     with pytest.raises(UserError, match="holds depth"):
         received.image_of(SimpleNamespace(format="16UC1; compressedDepth png", data=b""))
     with pytest.raises(UserError, match=r"^camera "):
-        received.image_of(SimpleNamespace(format="jpeg", data=b"not a picture"), "camera")
+        received.image_of(SimpleNamespace(format="jpeg", data=b"not an image"), "camera")
 
 
 @pytest.mark.parametrize(

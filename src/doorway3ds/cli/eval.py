@@ -322,12 +322,12 @@ def _page(
         "date": datetime.date.today().isoformat(),
     }
     if not dataset.places_known:
-        facts["places"] = "unknown: each picture counts as its own, so intervals are too narrow"
+        facts["places"] = "unknown: each image counts as its own, so intervals are too narrow"
     if dataset.layout == "boxes":
         facts["marks"] = "boxes hold frame and leaf: their middles and edges are rough"
     if left_out:
         name, why = next(iter(left_out.items()))
-        facts["left out"] = f"{len(left_out)} pictures, first {name}: {why}"
+        facts["left out"] = f"{len(left_out)} images, first {name}: {why}"
     return Report(f"{title} on {dataset.path.name}", facts, list(tables))
 
 

@@ -106,7 +106,7 @@ def reproduce(
     shown.append(tables.epochs_table(scored))
     notes = [tables.verdict(rows), tables.floor_verdict(printed.ROWS), *printed.NOT_RERUN]
     if answers and here is None:
-        notes.append("The twelve pictures lie in no class folders: no counts are made.")
+        notes.append("The twelve images lie in no class folders: no counts are made.")
     if scored is not None and training.weights == "none":
         notes.append("VGG16 was random (--weights none): its accuracy says nothing of the paper's.")
     report = Report("The paper's experiments, repeated", facts, shown, notes=notes)
@@ -134,7 +134,7 @@ def _of_classes(found: DoorPictures) -> str:
     """ "3 no-door and 3 open-door images, 6 groups by near-duplicates"."""
     labels = found.labels
     counts = " and ".join(f"{labels.count(name)} {name}" for name in sorted(set(labels)))
-    return f"{counts} pictures, {len(set(found.groups))} groups by {found.grouping}"
+    return f"{counts} images, {len(set(found.groups))} groups by {found.grouping}"
 
 
 def _train(found: DoorPictures, options: SrinOptions, folder: Path) -> EpochScores:

@@ -65,7 +65,7 @@ def sentence(decision: Decision) -> str:
     if decision.reason is Reason.NO_DOOR:
         return f"The probability of an open doorway, {decision.p_open:.2f}, is too low."
     if decision.reason is Reason.LOST:
-        return "The doorway that was followed, or the camera's picture, is gone."
+        return "The doorway that was followed, or the camera's image, is gone."
     if decision.reason is Reason.BLOCKED:
         return f"An open doorway {where}, but something stands in the way."
     if decision.reason is Reason.UNSURE:
@@ -86,7 +86,7 @@ def sentence(decision: Decision) -> str:
 def _where(decision: Decision) -> str:
     bearing, distance = decision.selection.bearing_deg, _metres(decision.selection.range_m)
     if bearing is None:
-        return "in the picture" if distance is None else f"{distance} away"
+        return "in the image" if distance is None else f"{distance} away"
     side = signed(bearing)
     place = "straight ahead" if side == "0.0°" else side.replace("°", "° to the")
     return place if distance is None else f"{place}, {distance} away"

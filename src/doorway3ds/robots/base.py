@@ -83,9 +83,10 @@ class Limits:
 
     def __post_init__(self) -> None:
         for name in ("max_turn_deg", "max_turns", "max_total_deg", "ttl_s", "turn_timeout_s"):
-            require_number(name, getattr(self, name))
-            if getattr(self, name) <= 0:
-                raise CallError(f"{name} must be positive, got {getattr(self, name):g}")
+            value = getattr(self, name)
+            require(name, value, Real, "a positive number")
+            if not 0 < value < math.inf:
+                raise CallError(f"{name} must be a positive number, got {value:g}")
 
 
 class Robot(Protocol):

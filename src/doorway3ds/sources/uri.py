@@ -27,7 +27,7 @@ _ELSEWHERE = {
 _OPTIONS = frozenset({"pace", "loop", "fps", "patience_s", "stall_s", "stream", "capture"})
 
 EXPECTED = (
-    "an image, a folder, a pattern such as 'pictures/*.jpg', a video file, - (images on standard "
+    "an image, a folder, a pattern such as 'images/*.jpg', a video file, - (images on standard "
     "input), webcam://0, rtsp://, http:// (MJPEG), bag://, sim:// or nao://"
 )
 

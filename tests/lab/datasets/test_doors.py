@@ -35,7 +35,7 @@ def test_corrupt_doubled_and_contradicting_files_are_left_out_and_named(tmp_path
 def test_an_empty_class_is_refused(tmp_path: Path) -> None:
     classes(tmp_path, 2)
     for file in (tmp_path / "open-door").iterdir():
-        file.write_bytes(b"no picture")
+        file.write_bytes(b"no image")
     with pytest.raises(UserError, match=r"no readable image of class open-door.*left out"):
         read_door_pictures(tmp_path)
     shutil.rmtree(tmp_path / "open-door")

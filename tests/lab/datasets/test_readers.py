@@ -127,8 +127,8 @@ def test_a_table_of_another_kind_is_refused(nyu, content, message):
 
 
 def test_a_damaged_picture_is_named_when_it_is_read(nyu):
-    (nyu / "images" / "0003.jpg").write_bytes(b"no picture")
-    (nyu / "depth" / "0002.png").write_bytes(b"no picture")
+    (nyu / "images" / "0003.jpg").write_bytes(b"no image")
+    (nyu / "depth" / "0002.png").write_bytes(b"no image")
     first, second, _ = read_dataset(nyu).samples
     with pytest.raises(UserError, match=r"0003\.jpg"):
         datasets.load_frame(second)
@@ -279,7 +279,7 @@ def test_folders_per_class(tmp_path):
     write_picture(tmp_path / "closed_door" / "b.png", 8, 6)
     write_picture(tmp_path / "no-door" / "b.png", 8, 6)
     write_picture(tmp_path / "half-open" / "c.png", 8, 6)
-    (tmp_path / "no-door" / "notes.txt").write_text("no picture")
+    (tmp_path / "no-door" / "notes.txt").write_text("no image")
     data = read_dataset(tmp_path)
     assert {s.name: s.is_open for s in data.samples} == {
         "Open-Doors/a.png": True,

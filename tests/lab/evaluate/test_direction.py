@@ -158,7 +158,7 @@ def test_difference_of_a_method_with_itself_is_zero():
 
 
 def test_difference_needs_the_same_pictures():
-    with pytest.raises(ValueError, match="same pictures"):
+    with pytest.raises(ValueError, match="same images"):
         direction.difference([record(name="a")], [record(name="b")])
 
 

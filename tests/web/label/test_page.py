@@ -225,7 +225,7 @@ def test_two_pages_do_not_destroy_each_others_rows(site: Path, desk: Desk, page:
     theirs = {"marks": {"closed": True, "confidence": 1}, "revision": "unmarked"}
     assert served.client.put("/v1/pictures/0", json=theirs).status_code == 200
     page.press("n")
-    page.says("note", "Somebody else marked this picture")
+    page.says("note", "Somebody else marked this image")
     page.saved()
     assert [row["state"] for row in rows(site)] == ["closed"]
     assert page.run("return document.querySelector('[data-key=c]').ariaPressed") == "true"
@@ -238,7 +238,7 @@ def test_two_pages_do_not_destroy_each_others_rows(site: Path, desk: Desk, page:
     theirs = {"marks": {"openings": [{"left_px": 9, "right_px": 99}]}, "revision": revision}
     assert served.client.put("/v1/pictures/0", json=theirs).status_code == 200
     page.press("z")
-    page.says("note", "Somebody else has marked this picture since")
+    page.says("note", "Somebody else has marked this image since")
     assert page.lines(".l-edge") == 4
     assert [row["left_px"] for row in rows(site)] == ["9.0"]
 
@@ -270,7 +270,7 @@ def test_the_links_token_lets_in(site: Path, desk: Desk, page: Labeller) -> None
 
 
 def test_a_damaged_picture_is_named_and_passed(site: Path, desk: Desk, page: Labeller) -> None:
-    (site / "b.png").write_bytes(b"no picture")
+    (site / "b.png").write_bytes(b"no image")
     page.begin(f"{desk(site).url}/#2")
     page.says("note", "b.png is not")
     page.press("c", "\ue007")

@@ -155,7 +155,7 @@ def test_others_may_not_enter(site: Path, desk: Desk) -> None:
 
 
 def test_a_damaged_picture_is_said_and_passed_over(site: Path, desk: Desk) -> None:
-    (site / "b.png").write_bytes(b"no picture")
+    (site / "b.png").write_bytes(b"no image")
     client = desk(site).client
     found = client.get("/v1/pictures/1").json()
     assert (found["width"], found["image"]) == (None, None)

@@ -277,7 +277,7 @@ class TestPage:
         page.open(served.url)
         assert page.run("return document.body.dataset.mode") == "calibrate"
         page.until(lambda: page.run(covered))
-        page.until(lambda: page.text("coverage-frames") == f"4 of {FEWEST} pictures")
+        page.until(lambda: page.text("coverage-frames") == f"4 of {FEWEST} images")
         page.click("calibrate-finish")
         page.until(shown(page, "calibrate-file"))
         assert page.text("headline").startswith("Calibrated to 0.")

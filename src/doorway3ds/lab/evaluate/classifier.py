@@ -56,7 +56,7 @@ def score(
     truth = np.array([r.is_open for r in records], bool)
     p = np.array([r.p_open for r in records], float)
     if np.isnan(p).any():
-        raise ValueError("every record needs a probability; leave pictures without one out")
+        raise ValueError("every record needs a probability; leave images without one out")
     answer = p >= threshold
     places = [r.place for r in records]
 

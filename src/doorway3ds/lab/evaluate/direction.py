@@ -62,23 +62,23 @@ class Metric:
 
 METRICS: dict[str, Metric] = {
     "bearing_median_deg": Metric(
-        "bearing error, median", "deg", "low", "doorway pictures with a listed opening"
+        "bearing error, median", "deg", "low", "doorway images with a listed opening"
     ),
     "bearing_p90_deg": Metric(
-        "bearing error, 90th percentile", "deg", "low", "doorway pictures with a listed opening"
+        "bearing error, 90th percentile", "deg", "low", "doorway images with a listed opening"
     ),
-    "listed": Metric("an opening is listed", "share", "high", "doorway pictures"),
+    "listed": Metric("an opening is listed", "share", "high", "doorway images"),
     "within_5deg": Metric(
         f"bearing within {TOLERANCE_DEG:g} deg",
         "share",
         "high",
-        "doorway pictures; none listed counts as wrong",
+        "doorway images; none listed counts as wrong",
     ),
     "inside": Metric(
         "bearing inside the opening",
         "share",
         "high",
-        "doorway pictures; none listed counts as wrong",
+        "doorway images; none listed counts as wrong",
     ),
     "turns_inside": Metric(
         "turns that end inside an opening",
@@ -91,19 +91,19 @@ METRICS: dict[str, Metric] = {
         "range error over true range, median", "share", "low", "listed and true range both known"
     ),
     "go_without_door": Metric(
-        "goes where there is no doorway", "share", "low", "pictures without a doorway"
+        "goes where there is no doorway", "share", "low", "images without a doorway"
     ),
     "go_when_blocked": Metric(
-        "goes where the way is blocked", "share", "low", "doorway pictures, way blocked"
+        "goes where the way is blocked", "share", "low", "doorway images, way blocked"
     ),
     "go_when_clear": Metric(
-        "goes where the way is clear", "share", "high", "doorway pictures, way clear"
+        "goes where the way is clear", "share", "high", "doorway images, way clear"
     ),
     "clear_agreement": Metric(
-        "agrees on clear", "share", "high", "doorway pictures, way known and answered"
+        "agrees on clear", "share", "high", "doorway images, way known and answered"
     ),
-    "clear_answered": Metric("answers on clear", "share", "high", "doorway pictures, way known"),
-    "auc": Metric("p_open, AUC", "", "high", "pictures open or not"),
+    "clear_answered": Metric("answers on clear", "share", "high", "doorway images, way known"),
+    "auc": Metric("p_open, AUC", "", "high", "images open or not"),
 }
 
 
@@ -233,7 +233,7 @@ def difference(
     Raises ValueError unless both hold the same pictures in the same order.
     """
     if [r.truth.image for r in first] != [r.truth.image for r in second]:
-        raise ValueError("paired records must be of the same pictures in the same order")
+        raise ValueError("paired records must be of the same images in the same order")
     places = [record.truth.place for record in first]
     a, counts = _statistic(first)
     b, _ = _statistic(second)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.resources import files
@@ -24,6 +25,8 @@ _KINDS = {
     ".webmanifest": "application/manifest+json",
 }
 
+_INCLUDE = re.compile(rb"<!--#include (\w+\.html)-->")
+
 
 @dataclass(frozen=True)
 class Asset:
@@ -33,16 +36,22 @@ class Asset:
 
 
 class Assets:
-    """The files of `web/static` by name, read once: no request's path reaches the file system."""
+    """The files of `web/static` by name, read once: no request's path reaches the file system.
+
+    In a page `<!--#include NAME-->` stands for what pages share, a file whose name begins with _.
+    """
 
     def __init__(self) -> None:
+        found = {
+            f.name: f.read_bytes() for f in files("doorway3ds.web").joinpath("static").iterdir()
+        }
         self._assets = {}
-        for file in files("doorway3ds.web").joinpath("static").iterdir():
-            kind = _KINDS.get("." + file.name.rpartition(".")[2])
-            if kind is not None:
-                data = file.read_bytes()
+        for name, data in found.items():
+            kind = _KINDS.get("." + name.rpartition(".")[2])
+            if kind is not None and not name.startswith("_"):
+                data = _INCLUDE.sub(lambda include: found[include[1].decode()].strip(), data)
                 etag = f'"{hashlib.sha256(data).hexdigest()[:16]}"'
-                self._assets[file.name] = Asset(data, kind, etag)
+                self._assets[name] = Asset(data, kind, etag)
 
     def get(self, name: str) -> Asset | None:
         return self._assets.get(name)

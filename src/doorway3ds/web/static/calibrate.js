@@ -79,7 +79,7 @@ export class Calibrate {
     } catch (error) {
       if (!wanted() || error.code === "frame_gone") return;
       document.body.dataset.stale = "";
-      answer.rename("No picture", why(error), "silent");
+      answer.rename("No image", why(error), "silent");
     }
   }
 
@@ -107,7 +107,7 @@ function words(told) {
   if (state === "none") {
     return ["Calibrate this camera", "Print the board at 100 %, glue it to something flat, and start.", "none"];
   }
-  if (state === "computing") return ["Computing …", `From ${frames.taken} pictures of the board.`, "taking"];
+  if (state === "computing") return ["Computing …", `From ${frames.taken} images of the board.`, "taking"];
   if (state === "failed") return ["No camera came of it", asSentence(problem), "failed"];
   if (state === "done") {
     return [
@@ -134,7 +134,7 @@ function coverage({ frames, zones, tilts, distances }) {
   }
   byId("coverage-zones").setAttribute("viewBox", `0 0 ${FIELD.width} ${FIELD.height}`);
   byId("coverage-zones").replaceChildren(...drawn);
-  byId("coverage-frames").textContent = frames ? `${frames.taken} of ${frames.wanted} pictures` : "–";
+  byId("coverage-frames").textContent = frames ? `${frames.taken} of ${frames.wanted} images` : "–";
   byId("zones-said").textContent = `${covered.size} of ${columns * rows}`;
   const lacking = tilts ? TILTS.filter((side) => !tilts[side]) : TILTS;
   byId("tilts-said").textContent = lacking.length ? `${lacking.join(", ")} missing` : "all four";
@@ -147,7 +147,7 @@ function result(found) {
   if (!found) return;
   const facts = {
     Error: `${found.rms_px.toFixed(3)} px`,
-    Pictures: found.frames,
+    Images: found.frames,
     "Field of view": `${found.hfov_deg.toFixed(1)}° x ${found.vfov_deg.toFixed(1)}°`,
     "Lens model": found.model,
     "Focal length": `${found.fx.toFixed(1)}, ${found.fy.toFixed(1)} px`,

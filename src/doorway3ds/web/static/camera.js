@@ -1,4 +1,4 @@
-// The browser's own camera: its picture is shown at its own pace, decisions follow as they come.
+// The browser's own camera: its image is shown at its own pace, decisions follow as they come.
 const LONGER_SIDE = 640;
 const EVERY_MS = 100;
 const IDLE_MS = 200;
@@ -60,7 +60,7 @@ export class Camera {
     return new Promise((done) => this.canvas.toBlob(done, "image/jpeg", 0.85));
   }
 
-  // Calls `each` with a picture's Blob, again once it is done, while the same stream runs.
+  // Calls `each` with an image's Blob, again once it is done, while the same stream runs.
   async follow(each) {
     const { stream } = this;
     while (stream && this.stream === stream) {

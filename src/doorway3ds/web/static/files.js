@@ -1,8 +1,8 @@
-// Pictures given to the page: dropped, pasted, chosen from a file, or one of its own examples.
+// Images given to the page: dropped, pasted, chosen from a file, or one of its own examples.
 import { byId } from "./svg.js";
 import { shortened } from "./words.js";
 
-// A file whose kind the browser does not know may be a picture all the same: the server says.
+// A file whose kind the browser does not know may be an image all the same: the server says.
 export const isPicture = (file) => file.type.startsWith("image/");
 const mayBePicture = (file) => isPicture(file) || !file.type;
 

@@ -1,5 +1,5 @@
-// The pictures that were looked at, their marks, and their way to the server: one change at a time
-// for each picture, again and again until it is written.
+// The images that were looked at, their marks, and their way to the server: one change at a time
+// for each image, again and again until it is written.
 import { ask } from "./api.js";
 
 const AGAIN_MS = 2000;
@@ -9,7 +9,7 @@ export const folder = () => json("/v1/folder");
 export const unmarkedAfter = async (number) => (await json(`/v1/unmarked?after=${number}`)).number;
 
 export class Book {
-  // changed(entry): what the page should show of a picture has changed.
+  // changed(entry): what the page should show of an image has changed.
   constructor(changed) {
     this.changed = changed;
     this.entries = new Map();
@@ -100,7 +100,7 @@ export class Book {
     this.forget(entry.number);
     this.undone = [{ number: entry.number, before: theirs.marks, after: ours }];
     Object.assign(entry, { marks: theirs.marks, written: theirs.marks, revision: theirs.revision });
-    entry.conflict = "Somebody else marked this picture meanwhile. Theirs is shown; Redo puts yours in its place.";
+    entry.conflict = "Somebody else marked this image meanwhile. Theirs is shown; Redo puts yours in its place.";
   }
 
   keepTrying(entry, error) {
@@ -109,13 +109,13 @@ export class Book {
     if (passes) entry.again = setTimeout(() => this.save(entry), AGAIN_MS);
   }
 
-  // The picture whose last change is taken back or made again, with its new marks; null: none.
+  // The image whose last change is taken back or made again, with its new marks; null: none.
   async step(from, to, side) {
     const last = this[from].at(-1);
     if (!last) return null;
     const entry = await this.open(last.number);
     if (this[from].at(-1) !== last) {
-      entry.conflict = "Somebody else has marked this picture since. Theirs is shown.";
+      entry.conflict = "Somebody else has marked this image since. Theirs is shown.";
       return entry;
     }
     this[from].pop();

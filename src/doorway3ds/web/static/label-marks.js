@@ -1,4 +1,4 @@
-// What is marked in a picture, as the server has it; every function gives new marks.
+// What is marked in an image, as the server has it; every function gives new marks.
 export const NOTHING = Object.freeze({ openings: [], closed: false, confidence: 3 });
 
 // Without an opening: a closed door, or none at all.

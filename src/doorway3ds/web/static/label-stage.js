@@ -1,9 +1,9 @@
-// The picture with the marks on it, and what a pointer does there: two clicks, or an edge dragged.
+// The image with the marks on it, and what a pointer does there: two clicks, or an edge dragged.
 import { byId, shape } from "./svg.js";
 import { stateOf, wayOf } from "./label-marks.js";
 
 const NEAR_PX = 14; // of the screen, within which an edge is taken hold of
-const SNAP = 0.01; // of the width, within which the picture's own edge is meant
+const SNAP = 0.01; // of the width, within which the image's own edge is meant
 const MOVED_PX = 3;
 
 const stage = byId("stage");
@@ -86,7 +86,7 @@ function tag(opening, index) {
   label.style.top = `${93 - 9 * index}%`; // the upper edge is for what the page has to say
 }
 
-// The picture's column under a pointer, to a tenth of a pixel.
+// The image's column under a pointer, to a tenth of a pixel.
 function columnAt(event) {
   const box = stage.getBoundingClientRect();
   const share = (event.clientX - box.left) / box.width;

@@ -1,4 +1,4 @@
-// Puts the page of `3ds label` together: which picture, what is marked, what keys and buttons do.
+// Puts the page of `3ds label` together: which image, what is marked, what keys and buttons do.
 import { Book, folder, unmarkedAfter } from "./label-book.js";
 import * as edit from "./label-marks.js";
 import * as stage from "./label-stage.js";
@@ -14,8 +14,8 @@ const book = new Book((entry) => {
 const now = {
   info: null,
   entry: null,
-  asked: -1, // the picture that was asked for last
-  waiting: 0, // for pictures on their way: meanwhile nothing is marked, it would be the old one
+  asked: -1, // the image that was asked for last
+  waiting: 0, // for images on their way: meanwhile nothing is marked, it would be the old one
   selected: 0,
   pending: null, // the first of two clicks
   adding: false,
@@ -36,7 +36,7 @@ function tellConflict(entry) {
   entry.conflict = "";
 }
 
-// --- Which picture
+// --- Which image
 
 async function meanwhile(work) {
   now.waiting += 1;
@@ -64,7 +64,7 @@ async function go(number) {
   lookAhead(number);
 }
 
-// The next unmarked picture is decoded and guessed at while this one is looked at.
+// The next unmarked image is decoded and guessed at while this one is looked at.
 async function lookAhead(number) {
   try {
     const next = await unmarkedAfter(number);
@@ -76,7 +76,7 @@ async function lookAhead(number) {
 
 async function goOn() {
   const next = await meanwhile(unmarkedAfter(now.entry.number));
-  if (next === null || next === now.entry.number) note("Every other picture is marked.");
+  if (next === null || next === now.entry.number) note("Every other image is marked.");
   else if (next !== undefined) await go(next);
 }
 
@@ -299,7 +299,7 @@ function showList(marks) {
 
 // --- What people do
 
-// A button that was clicked lets go of the focus, so that Enter goes on to the next picture.
+// A button that was clicked lets go of the focus, so that Enter goes on to the next image.
 document.addEventListener("click", (event) => {
   const button = event.target.closest?.("main button");
   if (!button) return;

@@ -17,7 +17,7 @@ import { asSentence, shortened, why } from "./words.js";
 
 const NOTE_MS = 8000;
 const NO_IMAGE = { bad_image: true, no_image: true, too_large: true, unreadable: true };
-const DECIDING_MS = 300; // before a picture on its way takes the place of the last answer
+const DECIDING_MS = 300; // before an image on its way takes the place of the last answer
 const video = byId("video");
 const camera = new Camera(video);
 const source = new Source({ decision: showFrame, state: showState, problem: lose });
@@ -27,10 +27,10 @@ const now = { mode: "", frame: null, info: null, picture: null, request: null, s
 const pace = { last: 0, mean: 0 };
 const modes = byId("modes");
 const welcome = {
-  picture: ["Drop a picture of a room here, paste one, or choose a file.", "Choose a picture", "JPEG, PNG, WebP, TIFF or BMP. A photograph's EXIF focal length is used."],
-  camera: ["Walk your phone or laptop through the room: it becomes the robot.", "Start the camera", "Pictures go to this server only and are not kept."],
-  source: ["Waiting for the first picture of the source.", "", ""],
-  calibrate: ["Waiting for the first picture of the source.", "", ""],
+  picture: ["Drop an image of a room here, paste one, or choose a file.", "Choose an image", "JPEG, PNG, WebP, TIFF or BMP. A photograph's EXIF focal length is used."],
+  camera: ["Walk your phone or laptop through the room: it becomes the robot.", "Start the camera", "Images go to this server only and are not kept."],
+  source: ["Waiting for the first image of the source.", "", ""],
+  calibrate: ["Waiting for the first image of the source.", "", ""],
 };
 
 let noteTimer = 0;
@@ -90,7 +90,7 @@ function silenceOf() {
   return "Nothing new has come; what was seen last is out of date.";
 }
 
-// Picture, marks, answer and dial change in one paint: nothing is waited for in between.
+// Image, marks, answer and dial change in one paint: nothing is waited for in between.
 async function show(decision, frame, stillWanted, belief = decision.p_open) {
   const photo = await stage.photo(frame.blob);
   if (!stillWanted() || now.paused) return false;
@@ -126,7 +126,7 @@ function tick(decision) {
   byId("pace").textContent = `${(1000 / pace.mean).toFixed(1)} a second · ${spent.toFixed(0)} ms each`;
 }
 
-// --- A picture
+// --- An image
 
 async function decideOn(blob, name, remark = "") {
   now.request?.abort();
@@ -269,7 +269,7 @@ function pause() {
   byId("pace").hidden = true;
   document.body.dataset.paused = "";
   answer.rename("Paused", `This frame: ${decision.view.headline}. ${decision.view.sentence}`, "paused");
-  // The server keeps a frame's picture only for a moment.
+  // The server keeps a frame's image only for a moment.
   if (number !== undefined) now.frame.page = api.frame("page", number).catch(() => null);
   buttons();
 }
@@ -278,7 +278,7 @@ function resume() {
   if (!now.paused) return;
   now.paused = camera.paused = source.paused = false;
   delete document.body.dataset.paused;
-  lose("Waiting for the next picture.");
+  lose("Waiting for the next image.");
   if (now.mode === "source" && GONE[now.source?.state]) showState(now.source);
   buttons();
 }

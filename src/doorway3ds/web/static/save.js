@@ -1,4 +1,4 @@
-// The two files of one frame: what was decided, and the annotated picture.
+// The two files of one frame: what was decided, and the annotated image.
 import * as api from "./api.js";
 
 function save(blob, name) {
@@ -9,7 +9,7 @@ function save(blob, name) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
-const stem = (frame) => frame.name.replace(/\.[^.]*$/, "") || "picture";
+const stem = (frame) => frame.name.replace(/\.[^.]*$/, "") || "image";
 
 export function saveJson(frame) {
   const { view, ...decision } = frame.told || frame.decision;

@@ -15,7 +15,7 @@ export function prepare(info, changed) {
   fill(form.network, info.networks.map(({ name }) => [name, name.split("/").at(-1)]));
   fill(form.camera, [
     ...(info.camera_given ? [[OWN, "The server's camera"]] : []),
-    ["auto", "From the picture, else 60.9°"],
+    ["auto", "From the image, else 60.9°"],
     ...info.cameras.map((c) => [c.name, `${c.name} (${c.hfov_deg.toFixed(1)}°)`]),
     [ANGLE, "By field of view"],
   ]);

@@ -1,4 +1,4 @@
-// The server's own source: decisions as events, each with the picture it was made on.
+// The server's own source: decisions as events, each with the image it was made on.
 import * as api from "./api.js";
 import { why } from "./words.js";
 
@@ -66,7 +66,7 @@ export class Source {
     this.connection += 1;
   }
 
-  // One picture at a time; what came in between is passed over.
+  // One image at a time; what came in between is passed over.
   async next() {
     if (this.busy || this.paused || document.hidden || !this.newest || !this.events) return;
     this.busy = true;
@@ -77,7 +77,7 @@ export class Source {
       const blob = await api.frame("plain", decision.frame);
       if (wanted()) await this.heard.decision(decision, blob, wanted);
     } catch (error) {
-      // A picture that is gone already: a newer one is on its way.
+      // An image that is gone already: a newer one is on its way.
       if (wanted() && error.code !== "frame_gone") {
         this.heard.problem(why(error));
         await new Promise((done) => setTimeout(done, 1000 * (error.retryAfterS || 1)));

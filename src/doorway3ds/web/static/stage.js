@@ -1,4 +1,4 @@
-// The picture and the marks on it, drawn from the outlines that the server sends.
+// The image and the marks on it, drawn from the outlines that the server sends.
 import { byId, path, shape } from "./svg.js";
 
 const stage = byId("stage");
@@ -24,11 +24,11 @@ export function clear() {
   depthLayer.hidden = true;
 }
 
-// A decoded picture that can be put on the stage without waiting for anything.
+// A decoded image that can be put on the stage without waiting for anything.
 export async function photo(blob) {
   const image = new Image();
   image.id = "photo";
-  image.alt = "The picture that is decided on";
+  image.alt = "The image that is decided on";
   image.src = URL.createObjectURL(blob);
   // Browsers read fewer kinds than the server, and may leave a page out of sight waiting.
   const late = new Promise((done) => setTimeout(done, DECODE_MS));
@@ -206,7 +206,7 @@ function tag(words, x, y, view, kind) {
   label.className = `tag ${kind}`;
   label.textContent = words;
   tags.append(label);
-  // Kept inside of the picture by its own width.
+  // Kept inside of the image by its own width.
   const box = tags.getBoundingClientRect();
   const half = label.offsetWidth / 2 + 4;
   const px = (x / view.width) * box.width;

@@ -13,7 +13,7 @@ export function asSentence(text) {
   return start + words.slice(1) + (/[.!?…]$/.test(words) ? "" : ".");
 }
 
-export function why(error, name = "The picture") {
+export function why(error, name = "The image") {
   const known = {
     unreachable: "The server does not answer.",
     unauthorized: "This page's token is no longer accepted. Open the link that the server printed again.",
@@ -22,12 +22,12 @@ export function why(error, name = "The picture") {
     no_image: `${shortened(name)} is empty.`,
     unreadable: `${shortened(name)} cannot be read. Is it a folder, or a file that has changed?`,
     too_large: `${shortened(name)} is larger than the server takes.`,
-    busy: "The server is busy with other pictures.",
+    busy: "The server is busy with other images.",
     too_slow: "The server took too long to decide.",
-    too_slow_body: "The picture took too long to reach the server.",
-    no_frame: "The source has sent no picture yet.",
+    too_slow_body: "The image took too long to reach the server.",
+    no_frame: "The source has sent no image yet.",
     frame_gone: "That frame is gone. Press Pause first, then save.",
-    bug: "The server failed on this picture. Its log says more.",
+    bug: "The server failed on this image. Its log says more.",
   };
   return known[error.code] || asSentence(error.message);
 }

@@ -135,7 +135,7 @@ def test_twelve_pictures_are_counted_beside_the_paper(tmp_path: Path) -> None:
     assert here is not None
     assert (here.tn, here.fp, here.tp, here.fn) == (5, 1, 6, 0)
     table = confusion_table(here)
-    assert list(table.columns) == ["paper, 12 NAO pictures", "here"]
+    assert list(table.columns) == ["paper, 12 NAO images", "here"]
     assert [cells for _, _, cells in table.rows[:4]] == [
         ["5", "5"], ["1", "1"], ["5", "6"], ["1", "0"],
     ]  # fmt: skip
@@ -160,7 +160,7 @@ def test_a_plain_folder_is_answered_without_counts(tmp_path: Path) -> None:
     found = answers(tmp_path / "flat")
     assert [a.is_open for a in found] == [None] * 12
     assert count(found) is None
-    assert list(confusion_table(None).columns) == ["paper, 12 NAO pictures"]
+    assert list(confusion_table(None).columns) == ["paper, 12 NAO images"]
 
 
 def test_another_number_or_class_is_refused(tmp_path: Path) -> None:
@@ -174,7 +174,7 @@ def test_another_number_or_class_is_refused(tmp_path: Path) -> None:
         read_pictures(folder, default_camera)
     with pytest.raises(UserError, match="expected a folder"):
         read_pictures(tmp_path / "nowhere", default_camera)
-    (folder / "open-door" / "0.png").write_bytes(b"no picture")
+    (folder / "open-door" / "0.png").write_bytes(b"no image")
     (folder / "half-open").rename(folder / "no-door")
     with pytest.raises(UserError, match=r"0\.png"):
         answers(folder)

@@ -36,7 +36,7 @@ def test_targets_are_ten_metres_by_depth_and_zero_where_unknown(tmp_path: Path) 
 def test_missing_damaged_and_mismatched_depth_is_left_out_and_named(tmp_path: Path) -> None:
     folder = depth_pairs(tmp_path, 8)
     (folder / "depth" / "01.png").unlink()
-    (folder / "depth" / "02.png").write_bytes(b"no picture")
+    (folder / "depth" / "02.png").write_bytes(b"no image")
     save(folder / "depth" / "03.png", np.full((72, 72), 2000, np.uint16))
     save(folder / "depth" / "04.png", np.zeros((72, 96), np.uint16))
     save(folder / "depth" / "05.png", np.full((36, 48), 2000, np.uint16))  # half the size: fine

@@ -50,7 +50,7 @@ def test_reproduce_trains_and_sets_it_beside_the_paper(cli: Cli, tmp_path: Path)
     told = json.loads(ran.out)
     assert [row["epochs"] for row in told["epochs"]] == [10, 20, 30]
     assert all(row["here"]["pictures"] == 2 for row in told["epochs"])
-    assert told["data"].startswith("data: 4 no-door and 4 open-door pictures, 8 groups by")
+    assert told["data"].startswith("data: 4 no-door and 4 open-door images, 8 groups by")
     assert told["near-copies across the split"] == "0"
     page = Path("rep/report.html").read_text()
     assert "VGG16 was random" in page and "here, held out" in page

@@ -131,7 +131,7 @@ def test_too_little_is_refused_in_one_line(
 
 def test_unreadable_pictures_are_left_out_and_named(tmp_path: Path) -> None:
     site = write_site(tmp_path / "site")
-    (site / "room03" / "0.png").write_bytes(b"no picture")
+    (site / "room03" / "0.png").write_bytes(b"no image")
     pictures = read_site(site)
     assert list(pictures.left_out) == ["room03/0.png"]
     assert len(pictures.samples) == 63

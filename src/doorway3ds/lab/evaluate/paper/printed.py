@@ -63,12 +63,12 @@ ROWS = (
 )
 
 NOT_RERUN = (
-    "The pictures and depth maps behind Tables 3 and 4 are the authors': their Max-, Best- and "
+    "The images and depth maps behind Tables 3 and 4 are the authors': their Max-, Best- and "
     "Trigger-Pixels and depths are taken as printed, and only what follows from them (path, angle) "
     "is recomputed.",
-    "So are the 12 NAO pictures of Tables 1 and 2. Twelve of your own (--pictures) are another "
+    "So are the 12 NAO images of Tables 1 and 2. Twelve of your own (--pictures) are another "
     "experiment, set beside theirs.",
-    "The 14,494 SRIN pictures as the authors chose and split them do not come with this package. "
+    "The 14,494 SRIN images as the authors chose and split them do not come with this package. "
     "Training is repeated on the data set that you point to (--dataset), split by places.",
     "The NAO's turns in Table 4 need that robot in that room.",
 )

@@ -233,7 +233,7 @@ def pictures_table(answers: Sequence[Answer]) -> Table:
             )
         )
     columns = ["truth", "p_open", "called", "Max-Pixel", "Best-Pixel", "Trigger", "path", "angle"]
-    return Table("Twelve pictures, each with what the paper's modules say", columns, rows)
+    return Table("Twelve images, each with what the paper's modules say", columns, rows)
 
 
 def count(answers: Sequence[Answer]) -> Confusion | None:
@@ -259,12 +259,12 @@ def confusion_table(here: Confusion | None) -> Table:
     rows.append(
         (
             "accuracy",
-            "with the 95 % interval of so few pictures (Wilson)",
+            "with the 95 % interval of so few images (Wilson)",
             [cell(wilson(c.tp + c.tn, c.tp + c.fp + c.tn + c.fn), "share") for c in both],
         )
     )
-    columns = ["paper, 12 NAO pictures", *([] if here is None else ["here"])]
-    return Table("Table 2: the classifier on twelve pictures", columns, rows)
+    columns = ["paper, 12 NAO images", *([] if here is None else ["here"])]
+    return Table("Table 2: the classifier on twelve images", columns, rows)
 
 
 def epochs_table(scored: Mapping[int, ClassifierMetrics] | None) -> Table:

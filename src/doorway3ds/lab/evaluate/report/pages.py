@@ -28,14 +28,14 @@ UNITS = {"rmse": "m"}
 INTERVALS = (
     "In brackets: 95 % intervals by resampling places (cluster bootstrap, percentile)"
     ", but those named Wilson, and those of shares of 0 and 100 %, of which resampling says "
-    "nothing: they are Wilson's, which take pictures as independent. n: pictures."
+    "nothing: they are Wilson's, which take images as independent. n: images."
 )
 
 DEPTH_NOTE = (
-    "Sheets: picture, true depth; predicted depth on the same scale, relative error (white "
+    "Sheets: image, true depth; predicted depth on the same scale, relative error (white "
     "from 50 % on). Depth is compared at the truth's size, predictions resized bilinearly "
     "and clipped to the limits; pixels whose truth is unknown or at the upper limit are "
-    "left out. A value is the mean over pictures unless it says pooled."
+    "left out. A value is the mean over images unless it says pooled."
 )
 
 
@@ -186,7 +186,7 @@ def classifier_table(scored: Mapping[str, ClassifierMetrics]) -> Table:
     rows += [
         _row(f"{name}, Wilson", about, [c.wilson[name] for c in columns], "share")
         for name, about in (
-            ("accuracy", "all pictures"),
+            ("accuracy", "all images"),
             ("sensitivity", "open, called open"),
             ("specificity", "not open, called not open"),
         )
@@ -259,7 +259,7 @@ def add_depth_pictures(
 ) -> None:
     """worst: by network, the pictures to show with the map predicted for each."""
     report.add_plot(
-        "delta1", "delta1 by picture", plots.depth_spread({str(p): r for p, r in records.items()})
+        "delta1", "delta1 by image", plots.depth_spread({str(p): r for p, r in records.items()})
     )
     for number, (name, cases) in enumerate(worst.items(), 1):
         tiles = [

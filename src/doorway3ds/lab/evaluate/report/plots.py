@@ -33,7 +33,7 @@ def bearing_errors(runs: Mapping[str, Sequence[DirectionRecord]]) -> bytes:
             axes.plot([], [], color=color, label=name)
         axes.axvline(5, color="0.6", linewidth=0.8, linestyle=":")
         axes.set(xlim=(0, 30), ylim=(0, 1), xlabel="bearing error, degrees at most")
-        axes.set_ylabel("share of doorway pictures")
+        axes.set_ylabel("share of doorway images")
         axes.legend(frameon=False)
     return done()
 
@@ -96,7 +96,7 @@ def depth_spread(runs: Mapping[str, Sequence[DepthRecord]]) -> bytes:
             values = np.sort([r.errors.delta1 for r in records if r.errors.pixels])
             share = np.arange(1, len(values) + 1) / max(len(values), 1)
             axes.step(values, share, where="post", color=color, label=name)
-        axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="delta1 at most", ylabel="share of pictures")
+        axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="delta1 at most", ylabel="share of images")
         axes.legend(frameon=False)
     return done()
 

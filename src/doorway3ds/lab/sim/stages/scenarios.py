@@ -35,7 +35,7 @@ SCENES = {
     "no_door": "a room whose doors are all closed",
     "blocked": "an open doorway with something in the way",
     "two_doors": "two open doorways in view",
-    "cut": "a doorway cut by the picture's edge",
+    "cut": "a doorway cut by the image's edge",
     "half_open": "a doorway whose leaf stands half open",
     "distractor": "mirrors or windows in view, and no open doorway",
     "low_box": "something of at most 0.4 m in the way",

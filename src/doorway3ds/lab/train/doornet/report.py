@@ -81,7 +81,7 @@ def _add_depth(report: Report, answers: Sequence[Answer]) -> None:
         return
     report.tables.append(pages.depth_table({p: depth.score(own) for p, own in records.items()}))
     spread = {p.network: own for p, own in records.items()}
-    report.add_plot("delta1", "delta1 by picture", plots.depth_spread(spread))
+    report.add_plot("delta1", "delta1 by image", plots.depth_spread(spread))
     for source, tiles in cases.items():
         worst = sorted(tiles, key=lambda pair: pair[0])[:_SHOWN]
         sheet = sheets.contact_sheet([tile for _, tile in worst])

@@ -125,7 +125,7 @@ def facts(card: Mapping[str, Any]) -> dict[str, str]:
         if isinstance(value, list) and len(value) > _LISTED:
             value = f"{len(value)}: {', '.join(map(str, value[:_LISTED]))} and others"
         if key == "left_out":
-            value = f"{len(value)} pictures" + "".join(
+            value = f"{len(value)} images" + "".join(
                 f"; {name}: {why}" for name, why in list(value.items())[:3]
             )
         shown[key.replace("_", " ")] = value if isinstance(value, str) else json.dumps(plain(value))

@@ -240,7 +240,7 @@ class SiteTraining(Training):
     def describe(self) -> dict[str, Any]:
         others = {"pictures": len(self._others), "near_copies_left_out": self._alike}
         return {
-            "source": f"{self.network.name} fine-tuned on pictures of one site",
+            "source": f"{self.network.name} fine-tuned on images of one site",
             "started_from": digest(self.network),
             "parts": self.parts.to_dict(),
             "places_by": self.pictures.grouping,

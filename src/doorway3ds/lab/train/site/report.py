@@ -95,7 +95,7 @@ def _add_sheets(report: Report, done: SiteTraining) -> None:
         if chosen:
             shown = chosen[: pages.WORST]
             tiles = [_tile(record, pictures[record.truth.image]) for record in shown]
-            said = f"{title}: {len(chosen)} of {len(pairs)} held-out pictures"
+            said = f"{title}: {len(chosen)} of {len(pairs)} held-out images"
             report.add_sheet(stem, f"{said} (answers: after)", sheets.contact_sheet(tiles))
 
 

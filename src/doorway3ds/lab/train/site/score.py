@@ -25,7 +25,7 @@ RULE = " ".join((__doc__ or "").split("\n\n", 1)[1].split())
 OPEN = 0.5
 MAX_DEPTH_CHANGE = 0.05  # relative; a third of the packaged network's own error
 
-_DOORWAY, _NONE = "pictures with an open doorway", "pictures without one"
+_DOORWAY, _NONE = "images with an open doorway", "images without one"
 MEASURES: dict[str, Metric] = {
     "right": Metric("answers rightly", "share", "high", "mean of the next two rows"),
     "found": Metric("finds the doorway", "share", "high", _DOORWAY),
@@ -35,7 +35,7 @@ MEASURES: dict[str, Metric] = {
     "within_5deg": Metric("bearing within 5 deg", "share", "high", "marked openings"),
     "go_when_clear": Metric("goes where the way is clear", "share", "high", "marked clear"),
     "go_when_blocked": Metric("goes where the way is blocked", "share", "low", "marked blocked"),
-    "auc": Metric("p_open, AUC", "", "high", "all pictures"),
+    "auc": Metric("p_open, AUC", "", "high", "all images"),
 }
 
 
@@ -77,7 +77,7 @@ def compare(
     Raises ValueError unless both hold the same pictures in the same order.
     """
     if [r.truth.image for r in before] != [r.truth.image for r in after]:
-        raise ValueError("paired records must be of the same pictures in the same order")
+        raise ValueError("paired records must be of the same images in the same order")
     places = [r.truth.place for r in before]
     columns = [_columns(records) for records in (before, after)]
     first, second = (_statistic(column) for column in columns)
@@ -99,7 +99,7 @@ def judge(comparison: Comparison, depth_change: float) -> Verdict:
     gain = comparison.difference["right"]
     said = (
         f"answers rightly {100 * gain.value:+.1f} points "
-        f"({100 * gain.low:+.1f} to {100 * gain.high:+.1f}) on {comparison.pictures} pictures "
+        f"({100 * gain.low:+.1f} to {100 * gain.high:+.1f}) on {comparison.pictures} images "
         f"of {comparison.places} held-out places"
     )
     if not gain.low > 0:
