@@ -173,7 +173,7 @@ def test_missing_parts_draw(reason: Reason, perceived: dict[str, Any], spans: An
 
 
 def test_too_narrow_a_page_is_refused() -> None:
-    with pytest.raises(ValueError, match="at least 400 pixels wide, got 100"):
+    with pytest.raises(ValueError, match="width must be a whole number from 400"):
         annotate(decision(), 100)
 
 
