@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from collections.abc import Iterator
@@ -11,6 +12,8 @@ from typing import TextIO
 import pytest
 
 from doorway3ds.cli.main import run
+from doorway3ds.cli.shared.output import linked
+from doorway3ds.types import Reason
 
 
 @pytest.fixture
@@ -60,3 +63,23 @@ def test_closed_streams_are_no_traceback(
         patch.setattr(sys, "stderr", None)
         assert run(["models"]) == 0
         assert run(["no-such-command"]) == 2
+
+
+def test_a_reason_is_a_link_to_its_page_in_a_terminal_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    for name, value in (("TERM", "xterm-256color"), ("COLUMNS", "40")):
+        monkeypatch.setenv(name, value)
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    words = "open door 0.94 · 12.4 deg left · way blocked · stay"
+    link, text = linked(words, Reason.BLOCKED, Terminal()).split("\x1b\\")[:2]
+    page, _, anchor = link.partition(";file://")[2].partition("#")
+    assert (anchor, text.partition("\x1b")[0]) == ("blocked", words)
+    assert "\n## blocked\n" in Path(page).read_text(encoding="utf-8")
+    assert linked(words, Reason.BLOCKED, io.StringIO()) == words
+    monkeypatch.setenv("TERM", "dumb")
+    assert linked(words, Reason.BLOCKED, Terminal()) == words

@@ -22,8 +22,10 @@ from doorway3ds.cli.shared.robot import (
     ended_by_sigterm,
     logged,
     open_eyes,
+    outcome_words,
     pipeline_for,
     require_robot,
+    tell,
 )
 from doorway3ds.cli.shared.viewer import Rerun, viewer_of
 from doorway3ds.cli.shared.watch import Watch, counts, print_json
@@ -140,10 +142,10 @@ def live(
         if driver is None:
             watch.all(frames)
         else:
-            tell = watch.panel.say if watch.panel else say
+            told = watch.panel.say if watch.panel else tell
             params = LoopParams(aligned_deg=decide.aligned_deg, blocked_s=motion.blocked_s)
             with logged(log, decide, pipeline, found, driver) as record:
-                report = _drive(watch, pipeline, driver, params, record, tell)
+                report = _drive(watch, pipeline, driver, params, record, told)
     if driver is not None:
         _conclude(report, record.folder, as_json)
     if found.damaged and not found.live:
@@ -210,7 +212,7 @@ def _conclude(report: Report, folder: Path | None, as_json: bool) -> None:
         ended = {"outcome": str(report.outcome), "why": report.why, "looks": report.looks}
         print_json({**ended, "goes": report.goes, "searches": report.searches})
     else:
-        sys.stdout.write(f"{report.outcome}: {report.why}\n")
+        sys.stdout.write(f"{outcome_words(report)}\n")
     say(f"log in {folder}")
     if report.outcome.status:
         raise typer.Exit(report.outcome.status)

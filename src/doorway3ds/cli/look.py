@@ -17,7 +17,7 @@ import typer
 from doorway3ds.camera.options import CameraOptions
 from doorway3ds.cli.shared.inputs import Input, expand
 from doorway3ds.cli.shared.options import expand as expanded
-from doorway3ds.cli.shared.output import complain, say
+from doorway3ds.cli.shared.output import complain, linked, say
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.robot import open_eyes
 from doorway3ds.cli.shared.viewer import Rerun, viewer_of
@@ -105,7 +105,7 @@ def look(
     for message in errors:
         complain(message)
     total, failed = len(inputs) + len(errors), len(errors)
-    line = _json if as_json else _row if as_csv else "{}: {}".format
+    line = _json if as_json else _row if as_csv else _words
     files = _Files(out, depth_dir, style, faint)
     if as_csv:
         sys.stdout.write(_csv_line(COLUMNS) + "\n")
@@ -216,6 +216,10 @@ class _Files:
             from doorway3ds.files import write_array
 
             write_array(self.depth_dir / f"{image.stem}.npy", depth)
+
+
+def _words(name: str, decision: Decision) -> str:
+    return f"{name}: {linked(str(decision), decision.reason, sys.stdout)}"
 
 
 def _json(name: str, decision: Decision) -> str:

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from doorway3ds.cli.shared.options import expand
-from doorway3ds.cli.shared.output import say
+from doorway3ds.cli.shared.output import linked, say
 from doorway3ds.cli.shared.viewer import Rerun, viewer_of
 from doorway3ds.decide.options import DecideOptions, Method
 from doorway3ds.errors import UserError
 from doorway3ds.options import THREADS, setting
+from doorway3ds.types import Reason
 
 if TYPE_CHECKING:
     from doorway3ds.decide.pipeline import Pipeline
@@ -66,7 +67,8 @@ def replay(
                 sys.stdout.write(f"{before}; now {_short(now)} (differs: {', '.join(names)})\n")
             else:
                 sys.stdout.write(f"{before}; the same\n")
-    say(f"{total - changed} of {total} decisions are the same; reasons: {help_page()}")
+    reasons = linked(help_page(), None, sys.stderr)
+    say(f"{total - changed} of {total} decisions are the same; reasons: {reasons}")
     if events[-1]["event"] != "end":
         say("the run has no end: it was cut off")
     if changed:
@@ -103,5 +105,5 @@ def _pipeline(
 
 
 def _short(decision: dict[str, Any]) -> str:
-    turn = decision.get("turn_deg")
-    return f"{decision['reason']}" + ("" if turn is None else f" {turn:+.2f} deg")
+    turn, reason = decision.get("turn_deg"), Reason(decision["reason"])
+    return linked(reason, reason, sys.stdout) + ("" if turn is None else f" {turn:+.2f} deg")

@@ -11,7 +11,6 @@ import typer
 
 from doorway3ds.camera.options import CameraOptions
 from doorway3ds.cli.shared.options import expand
-from doorway3ds.cli.shared.output import say as tell
 from doorway3ds.cli.shared.robot import (
     ROBOT_HELP,
     RunFolder,
@@ -19,8 +18,10 @@ from doorway3ds.cli.shared.robot import (
     ended_by_sigterm,
     logged,
     open_eyes,
+    outcome_words,
     pipeline_for,
     require_robot,
+    tell,
 )
 from doorway3ds.cli.shared.viewer import Rerun, viewer_of
 from doorway3ds.decide.options import DecideOptions
@@ -90,7 +91,7 @@ def run(
                 driver.robot.say(_SAID.get(report.outcome, "I stopped."))
         if rest and motion.move and hasattr(driver.robot, "rest"):
             driver.robot.rest()
-    sys.stdout.write(f"{report.outcome}: {report.why}\n")
+    sys.stdout.write(f"{outcome_words(report)}\n")
     tell(
         f"{counted(report.looks, 'look')}, {counted(report.goes, 'turn')} towards a doorway, "
         f"{report.searches} to look around, {report.took_s:.1f} s; log in {record.folder}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 from doorway3ds.camera.model import Camera
 from doorway3ds.types import Decision, Reason
@@ -31,7 +32,20 @@ def counted(number: int, thing: str) -> str:
 
 def help_page(reason: Reason | None = None) -> str:
     """Where the documentation explains a reason, or all of them."""
-    return "docs/reasons.md" + ("" if reason is None else f"#{reason}")
+    return "docs/reasons.md" + _anchor(reason)
+
+
+def help_link(reason: Reason | None = None) -> str:
+    """Address of the same page as installed: of the wheel, or of the clone."""
+    package = Path(__file__).resolve().parent.parent
+    page = package / "reasons.md"
+    if not page.is_file():
+        page = package.parents[1] / "docs" / "reasons.md"
+    return page.as_uri() + _anchor(reason)
+
+
+def _anchor(reason: Reason | None) -> str:
+    return "" if reason is None else f"#{reason}"
 
 
 def _metres(distance_m: float | None) -> str | None:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from doorway3ds.lab.evaluate.report.html import Table
+    from doorway3ds.types import Reason
 
 
 def say(line: str) -> None:
@@ -25,6 +26,24 @@ def say(line: str) -> None:
 def complain(message: str) -> None:
     """What went wrong, in one line on standard error."""
     say(f"3ds: {message}")
+
+
+def linked(words: str, reason: Reason | None, stream: TextIO) -> str:
+    """The words, in a terminal as a link to what the documentation says of `reason`.
+
+    Elsewhere, and in a terminal that shows no links, they are plain. None: of all reasons.
+    """
+    if not stream.isatty():
+        return words
+    from rich.console import Console
+    from rich.text import Text
+
+    from doorway3ds.draw.words import help_link
+
+    console = Console(file=stream)
+    with console.capture() as shown:
+        console.print(Text(words, f"link {help_link(reason)}"), end="", soft_wrap=True)
+    return shown.get()
 
 
 def write_numbers(path: Path, numbers: Any) -> None:

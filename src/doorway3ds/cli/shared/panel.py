@@ -96,7 +96,7 @@ class Panel:
         from rich.table import Table
         from rich.text import Text
 
-        from doorway3ds.draw.words import headline, help_page, sentence
+        from doorway3ds.draw.words import headline, help_link, help_page, sentence
 
         decision = tracked.decision
         width = min(self._console.width, _WIDEST)
@@ -115,7 +115,7 @@ class Panel:
             ("followed", _followed(tracked)),
             ("camera", self._camera(tracked)),
             ("time", _stages(self.means.ms)),
-            ("help", help_page(decision.reason)),
+            ("help", Text(help_page(decision.reason), f"link {help_link(decision.reason)}")),
         ):
             grid.add_row(label, value)
         rule = ("-" if self._plain else "─") * width

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import re
 import signal
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -13,14 +15,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from doorway3ds.cli.shared.output import say
+from doorway3ds.cli.shared.output import linked, say
 from doorway3ds.errors import CallError
+from doorway3ds.types import Reason
 
 if TYPE_CHECKING:
     from doorway3ds.camera.options import CameraOptions
     from doorway3ds.decide.options import DecideOptions
     from doorway3ds.decide.pipeline import Pipeline
     from doorway3ds.robots.base import Driver, Robot
+    from doorway3ds.robots.loop import Report
     from doorway3ds.robots.options import MotionOptions
     from doorway3ds.robots.runlog import RunLog
     from doorway3ds.sources import Source
@@ -34,6 +38,20 @@ RunFolder = Annotated[
         "3ds-run-DATE-TIME.",
     ),
 ]  # fmt: skip
+_LOOK = re.compile(r"(?<=: )\w+(?= -> )")
+
+
+def tell(line: str) -> None:
+    """One line of the loop on standard error; a look's reason links to its page."""
+    say(_LOOK.sub(lambda found: linked(found[0], Reason(found[0]), sys.stderr), line, count=1))
+
+
+def outcome_words(report: Report) -> str:
+    """How a run ended and why; an outcome that is a reason links to its page."""
+    name = str(report.outcome)
+    with contextlib.suppress(ValueError):  # halted and dry are no reasons
+        name = linked(name, Reason(name), sys.stdout)
+    return f"{name}: {report.why}"
 
 
 def require_robot(name: str) -> None:
