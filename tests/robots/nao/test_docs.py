@@ -21,10 +21,15 @@ def test_the_table_of_services_is_the_sessions_own_list(virtual: Any) -> None:
     session.connect(f"tcp://{where}")
     page = PAGE.read_text()
     shared = set(re.search(r"Each also answers `([^`]+)`", page)[1].split(", "))  # type: ignore[index]
-    table = {
-        name: set(calls.split(", "))
-        for name, calls in re.findall(r"^\| (AL\w+) \| `([^`]+)` \|$", page, re.MULTILINE)
+    groups = {
+        f"*{name}*": calls
+        for name, calls in re.findall(r"\*(\w+)\*\s(?:stands )?for\s`([^`]+)`", page)
     }
+    table = {}
+    for name, calls in re.findall(r"^\| (AL\w+) \| (.+) \|$", page, re.MULTILINE):
+        for group, meant in groups.items():
+            calls = calls.replace(group, meant)
+        table[name] = set(calls.replace("`", "").split(", "))
     names = [s["name"] for s in session.services() if s["name"].startswith("AL")]
     answers = {}
     for name in names:
