@@ -113,7 +113,7 @@ class ColumnVotes:
 
 @dataclass(frozen=True)
 class RelativeDepth:
-    """What a network says of depth up to a scale, or a scale and a shift (relative.py).
+    """What a network says of depth up to a scale, or a scale and a shift.
 
     inverse: (h, w) float32, 1 / depth = gain * inverse + shift; nan = unknown.
     shifted: the shift is unknown, too; else it is 0.
@@ -139,7 +139,7 @@ class Perception:
         be off by more; 0 for true depth.
     bearing_error_deg: by how much a doorway's bearing by these columns is off, as measured on
         images that the network had not seen (68th percentile); None = not measured.
-    relative: instead of depth_m where the network knows no metres; `relative.in_metres` does.
+    relative: instead of depth_m where the network knows no metres; `metres.in_metres` does.
     """
 
     p_open: float

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from datetime import datetime
 from pathlib import Path
@@ -69,7 +68,7 @@ def bench(
     if repeat is None:
         repeat = 20 if against else 200
 
-    from doorway3ds.files import write_bytes
+    from doorway3ds.files import write_json
     from doorway3ds.images.codec import read_image
     from doorway3ds.lab import benchmark
 
@@ -99,7 +98,7 @@ def bench(
         "ratios": [benchmark.ratio(other, results[-1]) for other in results[:-1]],
     }
     name = f"{datetime.now():%Y-%m-%d-%H%M%S}.json"
-    path = write_bytes(out / name, (json.dumps(report, indent=2) + "\n").encode())
+    path = write_json(out / name, report, 2)
     typer.echo(benchmark.table(report))
     typer.echo(f"written to {path}")
 

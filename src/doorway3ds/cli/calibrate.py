@@ -90,7 +90,7 @@ def calibrate(
         return
 
     from doorway3ds.camera.calibration import calibrate as run
-    from doorway3ds.cli.shared.inputs import expand as images_of
+    from doorway3ds.cli.shared.inputs import images_of
 
     inputs, errors = images_of(images)
     if errors:

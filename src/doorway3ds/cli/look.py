@@ -8,15 +8,15 @@ import json
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from doorway3ds.camera.options import CameraOptions
-from doorway3ds.cli.shared.inputs import Input, expand
-from doorway3ds.cli.shared.options import expand as expanded
+from doorway3ds.cli.shared.inputs import Input, images_of
+from doorway3ds.cli.shared.options import expand
 from doorway3ds.cli.shared.output import complain, linked, say
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.robot import open_eyes
@@ -48,7 +48,7 @@ class Style(StrEnum):
     OVERLAY = "overlay"
 
 
-@expanded
+@expand
 def look(
     images: Annotated[
         list[str],
@@ -101,7 +101,7 @@ def look(
             raise CallError(f"cannot make the folder {folder}: {error.strerror}") from error
 
     bags = [name for name in images if name.startswith("bag://")]
-    inputs, errors = expand((name for name in images if name not in bags), recursive)
+    inputs, errors = images_of((name for name in images if name not in bags), recursive)
     for message in errors:
         complain(message)
     total, failed = len(inputs) + len(errors), len(errors)
@@ -161,20 +161,11 @@ class _Job:
 
     def decide(self, image: Input) -> Decision:
         """The decision on one image, with the time that reading it took."""
-        from doorway3ds.images.codec import read_image
         from doorway3ds.sources.base import View
 
-        source = image.read()
-        start = time.perf_counter()
         name = "standard input" if image.name == "-" else image.shown
-        picture = read_image(source, name=name)
-        decoded = (time.perf_counter() - start) * 1e3
-        try:
-            view = View(self.choice.fit, self.choice.pose_of)
-            decision = self.pipeline.decide(view.of_picture(picture))
-        except UserError as error:
-            raise UserError(f"{name}: {error}") from error
-        return replace(decision, timings_ms={"decode": decoded, **decision.timings_ms})
+        view = View(self.choice.fit, self.choice.pose_of)
+        return self.pipeline.decide_file(image.read(), view, name)
 
     def answer(self, image: Input, decision: Decision) -> None:
         """The line, and the annotated image, depth map and recording that are asked for."""

@@ -35,7 +35,8 @@ NEEDS: Mapping[str, tuple[str, ...]] = {
 }
 
 
-Given = Frame | NDArray[np.uint8] | str | os.PathLike[str] | bytes
+File = str | os.PathLike[str] | bytes
+Given = Frame | NDArray[np.uint8] | File
 """An image as a pipeline takes it."""
 
 
@@ -132,8 +133,15 @@ class Pipeline:
             UserError: if the image cannot be read, or the camera has another aspect.
         """
         frame, timings = self._opened(image, camera, pose)
-        decision = self.decide(frame)
-        return replace(decision, timings_ms={**timings, **decision.timings_ms})
+        return _timed(self.decide(frame), timings)
+
+    def decide_file(self, source: File, view: View, name: str) -> Decision:
+        """The decision for an image file; name: what errors call it."""
+        picture, timings = _read(source, name)
+        try:
+            return _timed(self.decide(view.of_picture(picture)), timings)
+        except UserError as error:
+            raise UserError(f"{name}: {error}") from error
 
     def _opened(
         self, image: Given, camera: Camera | None, pose: Pose | None
@@ -148,10 +156,8 @@ class Pipeline:
             return view.of_picture(Picture(image)), {}
         kinds = (str, os.PathLike, bytes)
         require("image", image, kinds, "a Frame, a (H, W, 3) uint8 array, a path or bytes")
-        start = time.perf_counter()
-        picture = read_image(image)
-        spent = (time.perf_counter() - start) * 1e3
-        return view.of_picture(picture), {"decode": spent}
+        picture, timings = _read(image)
+        return view.of_picture(picture), timings
 
     def each(
         self,
@@ -202,8 +208,7 @@ class Pipeline:
             seen = self._seen([frame for _, frame, _ in opened])
             for (index, frame, spent), perception in zip(opened, seen, strict=True):
                 decision = self.conclude(frame, in_metres(perception, frame))
-                timings = {**spent, **decision.timings_ms}
-                answers[index] = replace(decision, timings_ms=timings)
+                answers[index] = _timed(decision, spent)
         except UserError as error:
             answers = dict.fromkeys(range(len(images)), error) | answers
         return [answers[index] for index in range(len(images))]
@@ -263,6 +268,18 @@ class Pipeline:
             "decision": (time.perf_counter() - selected) * 1e3,
         }
         return replace(decision, timings_ms=timings)
+
+
+def _read(source: File, name: str | None = None) -> tuple[Picture, dict[str, float]]:
+    """A decoded image file, and the milliseconds that it took."""
+    start = time.perf_counter()
+    picture = read_image(source, name=name)
+    return picture, {"decode": (time.perf_counter() - start) * 1e3}
+
+
+def _timed(decision: Decision, before: Mapping[str, float]) -> Decision:
+    """The decision with what came before it among its timings."""
+    return replace(decision, timings_ms={**before, **decision.timings_ms})
 
 
 def _require_network(name: str, network: Network) -> None:

@@ -38,7 +38,7 @@ class Joined:
 
     `cnn-srin+densedepth` is the paper's pair; `doornet+densedepth` is doornet with another depth.
     Relative depth is a depth, too: it replaces an earlier one's, and joined with a floor it
-    counts as depth, since `relative.in_metres` makes it that.
+    counts as depth, since `decide.scene.metres.in_metres` makes it that.
     """
 
     def __init__(self, networks: Sequence[Network]) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 
 from doorway3ds.arguments import require, require_number
 from doorway3ds.errors import CallError, UserError
-from doorway3ds.files import write_bytes
+from doorway3ds.files import write_bytes, write_json
 from doorway3ds.networks import hub
 from doorway3ds.networks.base import DEPTH, FLOOR, RELATIVE, Joined, Network
 from doorway3ds.networks.depth import presets
@@ -181,8 +181,7 @@ def read_card(path: Path) -> Card:
 def write_card(path: Path, card: Card) -> None:
     """Writes `card` beside the ONNX file `path`."""
     known = {"sha256": card.sha256, "licence": card.licence, "source": card.source}
-    text = json.dumps({**known, **card.more}, indent=2) + "\n"
-    write_bytes(path.with_suffix(".json"), text.encode())
+    write_json(path.with_suffix(".json"), {**known, **card.more}, 2)
 
 
 def install(

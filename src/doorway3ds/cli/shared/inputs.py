@@ -75,7 +75,7 @@ def fetch(address: str) -> bytes:
         raise UserError(f"{shown} cannot be read: the server does not answer") from error
 
 
-def expand(names: Iterable[str], recursive: bool = False) -> tuple[list[Input], list[str]]:
+def images_of(names: Iterable[str], recursive: bool = False) -> tuple[list[Input], list[str]]:
     """The images of the arguments, folders in natural order, and an error per unusable folder.
 
     recursive: those of a folder's folders, too, but for folders that hold truth or answers.

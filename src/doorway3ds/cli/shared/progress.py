@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress as RichProgress
     from rich.progress import ProgressColumn
+    from typing_extensions import Self
 
 PACE_S = 3600.0  # time left is told by the pace of so many seconds
 
@@ -60,19 +61,31 @@ def _rate() -> ProgressColumn:
     return Rate()
 
 
-class Progress:
-    """How many are done of `total`. `clear` it before writing anything else to the terminal."""
+class _Shown:
+    """A bar once there is one. `clear` it before writing anything else to the terminal."""
 
-    def __init__(self, total: int = 0) -> None:
-        self._total = total
+    def __init__(self) -> None:
         self._watched = sys.stderr is not None and sys.stderr.isatty()
         self._bar: Any = None
 
-    def __enter__(self) -> Progress:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: object) -> None:
         self.clear()
+
+    def clear(self) -> None:
+        """Takes the bar away."""
+        if self._bar is not None:
+            self._bar.stop()
+
+
+class Progress(_Shown):
+    """How many are done of `total`."""
+
+    def __init__(self, total: int = 0) -> None:
+        super().__init__()
+        self._total = total
 
     def __call__(self, done: int, total: int | None = None) -> None:
         """Shows the bar; another total, or none done, begins another, and all done ends it."""
@@ -89,24 +102,19 @@ class Progress:
         self._bar.start()
         self._bar.update(self._bar.task_ids[0], completed=done)
 
-    def clear(self) -> None:
-        """Takes the bar away."""
-        if self._bar is not None:
-            self._bar.stop()
 
-
-class CountedBar:
+class CountedBar(_Shown):
     """A bar over work whose size is counted while it runs, with its rate.
 
     count: returns the number of steps, or None if that cannot be known; called in a thread.
     """
 
     def __init__(self, count: Callable[[], int | None]) -> None:
+        super().__init__()
         self._count = count
-        self._bar: Any = None
 
-    def __enter__(self) -> CountedBar:
-        if sys.stderr is not None and sys.stderr.isatty():
+    def __enter__(self) -> Self:
+        if self._watched:
             self._bar = bar(rate=True)
             self._bar.add_task("", total=None)
             self._bar.start()
@@ -120,7 +128,3 @@ class CountedBar:
         """So many steps are done; `about` is written beside the bar."""
         if self._bar is not None:
             self._bar.update(self._bar.task_ids[0], completed=done, description=about)
-
-    def __exit__(self, *error: object) -> None:
-        if self._bar is not None:
-            self._bar.stop()

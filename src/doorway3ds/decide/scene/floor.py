@@ -145,7 +145,7 @@ def floor_mask(
 ) -> Mask:
     """The floor mask at the depth grid's pixels, by the nearest pixel of its own size.
 
-    rows, columns: of a depth map of `size` (h, w), as `camera.grid_pixels` gives them.
+    rows, columns: of a depth map of `size` (h, w), as `camera.model.grid_pixels` gives them.
     """
     r = np.minimum((rows + 0.5) * floor.shape[0] / size[0], floor.shape[0] - 1).astype(np.intp)
     c = np.minimum((columns + 0.5) * floor.shape[1] / size[1], floor.shape[1] - 1).astype(np.intp)

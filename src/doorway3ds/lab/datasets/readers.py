@@ -164,7 +164,7 @@ def _read_doorways(path: Path, layout: str) -> tuple[list[Sample], bool]:
             image_path=_existing(path, name, where),
             is_open=is_open,
             kinds=() if is_open else _kinds([main.get("state", "")], layout),
-            confidence=_confidence(main, where),
+            confidence=confidence(main, where),
         )
         sample = _with_files(sample, path, layout, main, where)
         if name in poses:
@@ -296,13 +296,13 @@ def _marked(row: Mapping[str, str], where: str, shift_px: float) -> Marked:
         left - shift_px,
         right - shift_px,
         clear=flag(row, "clear", where),
-        confidence=_confidence(row, where),
+        confidence=confidence(row, where),
         second=bool(flag(row, "second", where)),
         range_m=number(row, "range_m", where),
     )
 
 
-def _confidence(row: Mapping[str, str], where: str) -> int:
+def confidence(row: Mapping[str, str], where: str) -> int:
     text = row.get("confidence") or "3"
     if text not in ("1", "2", "3"):
         raise UserError(f"{where}: expected a confidence of 1, 2 or 3, got '{text}'")

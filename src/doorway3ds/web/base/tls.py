@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from doorway3ds.errors import UserError
+from doorway3ds.files import whole
 from doorway3ds.web.base.links import local_addresses
 
 _VALID = datetime.timedelta(days=180)
@@ -44,10 +45,7 @@ def self_signed(folder: Path, names: tuple[str, ...] = ()) -> Certificate:
     chain, key = folder / "certificate.pem", folder / "key.pem"
     wanted = _names(names)
     if not _usable(chain, key, wanted):
-        try:
-            _make(chain, key, wanted)
-        except OSError as error:
-            raise UserError(f"cannot write a certificate to {folder}: {error.strerror}") from error
+        _make(chain, key, wanted)
     return _checked(chain, key)
 
 
@@ -119,25 +117,19 @@ def _make(chain: Path, key: Path, names: list[str]) -> None:
         .add_extension(x509.ExtendedKeyUsage([ExtendedKeyUsageOID.SERVER_AUTH]), critical=False)
         .sign(private, hashes.SHA256())
     )
-    chain.parent.mkdir(parents=True, exist_ok=True)
-    with contextlib.suppress(OSError):
-        chain.parent.chmod(0o700)
     pem = serialization.Encoding.PEM
     _write_private(
         key,
         private.private_bytes(pem, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()),
     )
     _write_private(chain, made.public_bytes(pem))
+    with contextlib.suppress(OSError):
+        chain.parent.chmod(0o700)
 
 
 def _write_private(path: Path, data: bytes) -> None:
     """Writes a file that only its owner may read, whole or not at all."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    temporary.unlink(missing_ok=True)
-    descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    try:
+    with whole(path) as temporary:
+        descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(descriptor, "wb") as file:
             file.write(data)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import json
-import secrets
 import shutil
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
 from doorway3ds.errors import UserError
-from doorway3ds.files import write_bytes
+from doorway3ds.files import whole, write_json
 from doorway3ds.web.label.pictures import Pictures
 
 FOLDERS = {
@@ -69,7 +68,7 @@ def _listed(out: Path) -> set[str]:
 
 
 def _write_list(out: Path, names: list[str]) -> None:
-    write_bytes(out / _LIST, (json.dumps(names, indent=0) + "\n").encode())
+    write_json(out / _LIST, names, 0)
 
 
 def _take_away(out: Path, relative: str) -> None:
@@ -82,18 +81,11 @@ def _take_away(out: Path, relative: str) -> None:
 
 def _put(source: Path, target: Path) -> None:
     """A link to, or a copy of, `source`: whole or not there."""
-    temporary = target.with_name(f".{secrets.token_hex(4)}.part")
-    try:
-        if target.exists() and target.samefile(source):
+    with contextlib.suppress(OSError):
+        if target.samefile(source):
             return
-        target.parent.mkdir(parents=True, exist_ok=True)
+    with whole(target) as temporary:
         try:
             temporary.hardlink_to(source.resolve())
         except OSError:
             shutil.copy2(source, temporary)
-        temporary.replace(target)
-    except OSError as error:
-        raise UserError(f"cannot write {target}: {error.strerror or error}") from error
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)

@@ -1,6 +1,6 @@
 """What a person says of one image, and the same as rows of `doorways.csv`.
 
-The columns are those that `evaluate.readers` and `train.samples` read. `left_px` and `right_px`
+The columns are those that `lab.datasets.readers` reads. `left_px` and `right_px`
 are an opening's edges at mid-height in the image's own pixels, turned upright as its EXIF
 orientation says; -0.5 and width - 0.5 where the image's edge cuts it.
 """
@@ -14,7 +14,7 @@ from typing import Literal
 
 from doorway3ds.errors import UserError
 from doorway3ds.lab.datasets.csvfile import MARKS, Row, flag, number
-from doorway3ds.lab.datasets.readers import HALF_OPEN
+from doorway3ds.lab.datasets.readers import HALF_OPEN, confidence
 
 COLUMNS = (*MARKS, "state", "place")
 NEEDED = MARKS[:4]
@@ -115,7 +115,7 @@ def from_rows(rows: Sequence[tuple[str, Row]]) -> Marks:
         raise UserError(f"{where}: expected open 0 or 1, got nothing")
     if len(rows) > 1:
         raise UserError(f"{rows[1][0]}: a second row of an image without an opening")
-    return Marks((), _state(main, where, _SHUT_STATES) == "closed", _confidence(main, where))
+    return Marks((), _state(main, where, _SHUT_STATES) == "closed", confidence(main, where))
 
 
 def _opening(row: Mapping[str, str], where: str) -> MarkedOpening:
@@ -126,7 +126,7 @@ def _opening(row: Mapping[str, str], where: str) -> MarkedOpening:
         raise UserError(f"{where}: an open row needs left_px and right_px")
     half = _state(row, where, _OPEN_STATES) == HALF_OPEN
     try:
-        return MarkedOpening(left, right, half, flag(row, "clear", where), _confidence(row, where))
+        return MarkedOpening(left, right, half, flag(row, "clear", where), confidence(row, where))
     except ValueError as error:
         raise UserError(f"{where}: {error}") from error
 
@@ -136,10 +136,3 @@ def _state(row: Mapping[str, str], where: str, known: tuple[str, ...]) -> str:
     if state not in known:
         raise UserError(f"{where}: expected a state of {', '.join(known[1:])}, got '{state}'")
     return state
-
-
-def _confidence(row: Mapping[str, str], where: str) -> int:
-    text = row.get("confidence") or "3"
-    if text not in ("1", "2", "3"):
-        raise UserError(f"{where}: expected a confidence of 1, 2 or 3, got '{text}'")
-    return int(text)

@@ -25,10 +25,10 @@ from doorway3ds.sources.base import Source, SourceLost
 from doorway3ds.threads import Worker
 from doorway3ds.types import Decision, Reason
 from doorway3ds.web.base.metrics import Metrics
+from doorway3ds.web.base.routes import SourceState
 from doorway3ds.web.serve.choice import Fields, Pipelines, Settings, source_frame
 from doorway3ds.web.serve.view import view_of
 
-State = Literal["starting", "running", "waiting", "ended", "lost", "stopped"]
 Style = Literal["overlay", "plain", "page"]
 _KEPT = 6  # frames whose images a client that reads events may still ask for
 _RATE_S = 2.0  # over which frames a second are averaged
@@ -91,7 +91,7 @@ class Live:
         metrics: Metrics,
     ) -> None:
         self.name = name
-        self.state: State = "starting"
+        self.state: SourceState = "starting"
         self.problem: str | None = None
         self.fields = Fields()
         self._start = start
@@ -249,7 +249,7 @@ class Live:
         self._count = snapshot.number
         self._ring.pop(snapshot.number - _KEPT, None)
 
-    def _enter(self, state: State, problem: str | None) -> None:
+    def _enter(self, state: SourceState, problem: str | None) -> None:
         self.state, self.problem = state, problem
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._wake)

@@ -55,7 +55,7 @@ def export_onnx(
 ) -> float:
     """Writes the file whole or not at all; returns the largest difference to the Keras model.
 
-    half: 16-bit weights, see `onnxfile.export`, which also bounds the difference.
+    half: 16-bit weights, see `onnx.file.export`, which also bounds the difference.
     """
     told = {"canonical_f_px": CANONICAL_F_PX, "pixels": 192 * 256, "multiple": 32, **metadata}
     return onnxfile.export(
