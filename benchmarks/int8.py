@@ -33,11 +33,11 @@ from onnxruntime.quantization import (
     quantize_static,
 )
 
+from doorway3ds.files import digest
 from doorway3ds.lab.benchmark import machine
 from doorway3ds.lab.datasets.readers import read_dataset
 from doorway3ds.lab.datasets.samples import load_frame, place_folds
 from doorway3ds.networks.doornet import place, prepare
-from doorway3ds.networks.session import digest
 
 METHODS = {
     "minmax": CalibrationMethod.MinMax,

@@ -1,8 +1,9 @@
-"""Files that are either whole or not there."""
+"""Files that are either whole or not there, and their digests."""
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import io
 import json
 import os
@@ -55,3 +56,12 @@ def write_array(path: str | os.PathLike[str], array: Any) -> Path:
     buffer = io.BytesIO()
     np.save(buffer, np.asarray(array, np.float32))
     return write_bytes(path, buffer.getvalue())
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal."""
+    found = hashlib.sha256()
+    with path.open("rb") as file:
+        while block := file.read(1 << 20):
+            found.update(block)
+    return found.hexdigest()

@@ -120,8 +120,8 @@ def test_eval_measures_it_beside_others(cli: Cli) -> None:
 
 
 def test_the_server_offers_what_is_there_and_can_be_used(cli: Cli) -> None:
-    choice = pytest.importorskip("doorway3ds.web.serve.choice")
-    from doorway3ds.web.serve.choice import Settings
+    choice = pytest.importorskip("doorway3ds.web.serve.fields")
+    from doorway3ds.web.serve.fields import Settings
 
     made = factories.depth_file(Path("da.onnx"), offset=2.0)
     for name in (METRIC, RELATIVE):

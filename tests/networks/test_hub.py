@@ -19,10 +19,10 @@ from typing import ClassVar
 import pytest
 
 from doorway3ds.errors import UserError
+from doorway3ds.files import digest
 from doorway3ds.networks import hub, registry
 from doorway3ds.networks.depth.presets import RELATIVE
 from doorway3ds.networks.fetch import fetch
-from doorway3ds.networks.session import digest
 from tests import factories
 from tests.conftest import Cli, Ran
 from tests.factories import encode, scene

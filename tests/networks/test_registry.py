@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 
 from doorway3ds.errors import CallError, UserError
+from doorway3ds.files import digest
 from doorway3ds.networks import registry
 from doorway3ds.networks.depth.presets import METRIC
 from doorway3ds.networks.fetch import fetch
 from doorway3ds.networks.registry import MODELS, install, load, read_card
-from doorway3ds.networks.session import digest
 from tests import factories
 
 

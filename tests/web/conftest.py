@@ -34,7 +34,7 @@ if not collect_ignore_glob:
     from doorway3ds.web.base.shield import Shield
     from doorway3ds.web.base.tls import Certificate
     from doorway3ds.web.serve.app import create_app
-    from doorway3ds.web.serve.choice import Settings
+    from doorway3ds.web.serve.fields import Settings
     from doorway3ds.web.serve.state import ServeState
 
 

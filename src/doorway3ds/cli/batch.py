@@ -111,8 +111,8 @@ def batch(
 
 def _digests(network: str) -> dict[str, str]:
     """The networks by their content: a file trained again is another setting."""
+    from doorway3ds.files import digest
     from doorway3ds.networks.registry import find
-    from doorway3ds.networks.session import digest
 
     files = {
         name: None if name.endswith(".onnx") else find(name).found() for name in network.split("+")
@@ -124,9 +124,9 @@ def _camera(camera: str | None) -> str | None:
     """A camera file by its content: a calibration made again is another setting."""
     if camera is None or not Path(camera).is_file():
         return camera
-    import hashlib
+    from doorway3ds.files import digest
 
     try:
-        return hashlib.sha256(Path(camera).read_bytes()).hexdigest()
+        return digest(Path(camera))
     except OSError as error:
         raise CallError(f"cannot read the camera file {camera}: {error.strerror}") from error

@@ -90,8 +90,8 @@ def import_file(
 
 def _row(name: str) -> dict[str, Any]:
     """What is known of one network and its file."""
+    from doorway3ds.files import digest
     from doorway3ds.networks.registry import MODELS, read_card
-    from doorway3ds.networks.session import digest
 
     model = MODELS[name]
     row: dict[str, Any] = {

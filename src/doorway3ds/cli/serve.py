@@ -54,7 +54,7 @@ def serve(
 
     from doorway3ds.web.base.access import Limits
     from doorway3ds.web.serve.app import create_app
-    from doorway3ds.web.serve.choice import Settings
+    from doorway3ds.web.serve.fields import Settings
 
     quiet_decoders()
     settings = Settings(

@@ -46,7 +46,7 @@ class Joined:
             raise ValueError("expected at least one network, got none")
         self.networks = tuple(networks)
         self.name = "+".join(network.name for network in self.networks)
-        self.gives = together([network.gives for network in self.networks])
+        self.gives = joint_gives([network.gives for network in self.networks])
         self.thresholds = next(
             (thresholds_of(n) for n in reversed(self.networks) if COLUMNS in n.gives), {}
         )
@@ -82,7 +82,7 @@ class Joined:
         )
 
 
-def together(parts: Sequence[frozenset[str]]) -> frozenset[str]:
+def joint_gives(parts: Sequence[frozenset[str]]) -> frozenset[str]:
     """What networks with these `gives` give when they are joined in this order."""
     gives = frozenset[str]().union(*parts)
     depths = [part & {DEPTH, RELATIVE} for part in parts]

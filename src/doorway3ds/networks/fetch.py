@@ -8,9 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from doorway3ds.errors import CallError, UserError
+from doorway3ds.files import digest
 from doorway3ds.networks import hub
 from doorway3ds.networks.registry import find, install, load
-from doorway3ds.networks.session import digest
 
 TIMEOUT_S = 30
 

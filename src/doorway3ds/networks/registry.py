@@ -13,12 +13,12 @@ from typing import Any
 
 from doorway3ds.arguments import require, require_number
 from doorway3ds.errors import CallError, UserError
-from doorway3ds.files import write_bytes, write_json
+from doorway3ds.files import digest, write_bytes, write_json
 from doorway3ds.networks import hub
 from doorway3ds.networks.base import DEPTH, FLOOR, RELATIVE, Joined, Network
 from doorway3ds.networks.depth import presets
 from doorway3ds.networks.depth.spec import parse
-from doorway3ds.networks.session import digest, signature
+from doorway3ds.networks.session import signature
 
 WEIGHTS = Path(__file__).resolve().parent.parent / "weights"
 FOLDER_VARIABLE = "DOORWAY3DS_MODELS"

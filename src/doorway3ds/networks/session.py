@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.errors import UserError
+from doorway3ds.files import digest
 
 PROVIDERS = ("CUDAExecutionProvider", "CoreMLExecutionProvider", "CPUExecutionProvider")
 MAX_THREADS = 8  # these networks are small: more threads wait for each other
@@ -150,15 +150,6 @@ def verify(path: Path, sha256: str | None) -> None:
             f"network file {path} is damaged: its SHA-256 begins {found[:12]}, "
             f"expected {sha256[:12]}; fetch or make it again"
         )
-
-
-def digest(path: Path) -> str:
-    """SHA-256 of a file, in hexadecimal."""
-    found = hashlib.sha256()
-    with path.open("rb") as file:
-        while block := file.read(1 << 20):
-            found.update(block)
-    return found.hexdigest()
 
 
 @dataclass(frozen=True)

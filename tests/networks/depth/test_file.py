@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 
 from doorway3ds.camera.model import Camera
 from doorway3ds.errors import CallError, UserError
+from doorway3ds.files import digest
 from doorway3ds.networks import load
 from doorway3ds.networks.depth.file import DepthFile
 from doorway3ds.networks.depth.presets import METRIC, PRESETS, RELATIVE
 from doorway3ds.networks.depth.spec import MAX_ASPECT, DepthSpec, parse
-from doorway3ds.networks.session import digest
 from tests import factories
 
 CAMERA = Camera("test", 640, 480, 500.0, 520.0, 319.5, 239.5)

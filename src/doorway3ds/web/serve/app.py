@@ -7,8 +7,8 @@ from collections.abc import Callable
 from doorway3ds.sources.base import Source
 from doorway3ds.web.base.app import assemble
 from doorway3ds.web.base.shield import Shield
-from doorway3ds.web.serve import calibrate, routes
-from doorway3ds.web.serve.choice import Pipelines, Settings
+from doorway3ds.web.serve import calibration_routes, routes
+from doorway3ds.web.serve.fields import Pipelines, Settings
 from doorway3ds.web.serve.state import ServeState
 
 
@@ -27,7 +27,7 @@ def create_app(
     return assemble(
         ServeState(settings, source, pipelines),
         routes.router,
-        calibrate.router,
+        calibration_routes.router,
         title="doorway3ds",
         summary="Open doorways, their direction and the way to them, from one image.",
     )

@@ -13,7 +13,7 @@ from starlette.requests import ClientDisconnect
 
 from doorway3ds.web.base.errors import ApiError, invalid
 from doorway3ds.web.base.work import ClientGone
-from doorway3ds.web.serve.choice import DecideFields
+from doorway3ds.web.serve.fields import DecideFields
 
 _MAX_FIELDS = 20
 _SHOWN = 60  # letters of a name in messages

@@ -18,7 +18,7 @@ from doorway3ds.camera.options import BoardOptions
 from doorway3ds.errors import UserError
 from doorway3ds.types import Reason
 from doorway3ds.web.base.errors import ApiError
-from doorway3ds.web.serve.choice import Number, of_option
+from doorway3ds.web.serve.fields import Number, of_option
 from doorway3ds.web.serve.live import Live, Snapshot
 
 State = Literal["none", "taking", "computing", "done", "failed"]

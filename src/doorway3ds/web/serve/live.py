@@ -26,7 +26,7 @@ from doorway3ds.threads import Worker
 from doorway3ds.types import Decision, Reason
 from doorway3ds.web.base.metrics import Metrics
 from doorway3ds.web.base.routes import SourceState
-from doorway3ds.web.serve.choice import Fields, Pipelines, Settings, source_frame
+from doorway3ds.web.serve.fields import Fields, Pipelines, Settings, source_frame
 from doorway3ds.web.serve.view import view_of
 
 Style = Literal["overlay", "plain", "page"]

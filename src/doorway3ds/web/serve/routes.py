@@ -23,7 +23,7 @@ from doorway3ds.web.base.errors import ApiError, busy, errors
 from doorway3ds.web.base.routes import json_answer
 from doorway3ds.web.serve import schemas
 from doorway3ds.web.serve.body import Upload, read_upload
-from doorway3ds.web.serve.choice import DecideFields, SourceFields, upload_frame
+from doorway3ds.web.serve.fields import DecideFields, SourceFields, upload_frame
 from doorway3ds.web.serve.live import Live, Snapshot
 from doorway3ds.web.serve.state import ServeState, serve_state
 from doorway3ds.web.serve.view import view_of

@@ -7,7 +7,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from doorway3ds.web.base.routes import SourceState
-from doorway3ds.web.serve.choice import DecideFields
+from doorway3ds.web.serve.fields import DecideFields
 
 EXAMPLE: dict[str, Any] = {
     "image": "hall.jpg",

@@ -11,7 +11,7 @@ from doorway3ds.sources.base import Source
 from doorway3ds.web.base.errors import ApiError
 from doorway3ds.web.base.state import ServerState, server_state
 from doorway3ds.web.serve.calibration import CalibrationRun
-from doorway3ds.web.serve.choice import Pipelines, Settings
+from doorway3ds.web.serve.fields import Pipelines, Settings
 from doorway3ds.web.serve.live import Live
 
 

@@ -114,8 +114,8 @@ def run_trials(
 
 def _require_same_files(out: Path, network: str) -> None:
     """UserError where this folder's episodes were played by other files of a network's name."""
+    from doorway3ds.files import digest
     from doorway3ds.networks.registry import find
-    from doorway3ds.networks.session import digest
 
     parts = network.split("+")
     files = [Path(part) if part.endswith(".onnx") else find(part).found() for part in parts]

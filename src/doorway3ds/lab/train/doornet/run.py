@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from doorway3ds.errors import UserError
-from doorway3ds.files import write_bytes
+from doorway3ds.files import digest, write_bytes
 from doorway3ds.lab.datasets.readers import guess_layout
 from doorway3ds.lab.datasets.samples import place_folds
 from doorway3ds.lab.evaluate.report.html import Report
@@ -41,7 +41,6 @@ from doorway3ds.lab.train.engine.training import Run, Training
 from doorway3ds.lab.train.options import DoornetOptions
 from doorway3ds.networks import registry
 from doorway3ds.networks.mirrored import Mirrored
-from doorway3ds.networks.session import digest
 
 # what the network's file says of itself; the card beside it says the rest
 _SHOWN = ("name", "date", "depth_error", "held_out", "pictures", "thresholds", "presets", "costs")

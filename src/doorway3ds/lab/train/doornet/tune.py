@@ -20,7 +20,7 @@ import numpy as np
 from doorway3ds.decide.gates import Gates, decide
 from doorway3ds.decide.opening import OpeningParams, select_opening
 from doorway3ds.errors import UserError
-from doorway3ds.files import write_bytes
+from doorway3ds.files import digest, write_bytes
 from doorway3ds.lab.datasets.samples import load_depth, load_frame
 from doorway3ds.lab.datasets.truth import PictureTruth, picture_truth
 from doorway3ds.lab.evaluate import direction
@@ -31,7 +31,6 @@ from doorway3ds.lab.train.doornet.run import read_calibration
 from doorway3ds.networks.base import Network
 from doorway3ds.networks.doornet import DoorNet
 from doorway3ds.networks.limits import override
-from doorway3ds.networks.session import digest
 from doorway3ds.types import Frame, Perception, Reason
 
 MIN_SCORE = 0.02  # candidates are listed from here on; whether to go is told by the others

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from doorway3ds.errors import UserError
+from doorway3ds.files import digest
 from doorway3ds.lab.evaluate.classifier import ClassifierMetrics
 from doorway3ds.lab.evaluate.intervals import plain
 from doorway3ds.lab.evaluate.report import plots
 from doorway3ds.lab.evaluate.report.html import Report
 from doorway3ds.lab.train.engine.loop import Row
 from doorway3ds.networks import registry
-from doorway3ds.networks.session import digest
 
 _LISTED = 6  # entries of a long list that a report's facts show
 

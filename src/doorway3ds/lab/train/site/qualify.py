@@ -17,7 +17,7 @@ import numpy as np
 from doorway3ds.camera.choice import FitCamera
 from doorway3ds.camera.model import Pose
 from doorway3ds.errors import CallError, UserError
-from doorway3ds.files import write_bytes
+from doorway3ds.files import digest, write_bytes
 from doorway3ds.lab.datasets import places as groups
 from doorway3ds.lab.datasets.doors import DoorPictures, check_pictures
 from doorway3ds.lab.datasets.places import ALL, Choice, Seen, unseen
@@ -50,7 +50,6 @@ from doorway3ds.lab.train.site.fit import (
 from doorway3ds.lab.train.site.report import site_page
 from doorway3ds.networks import registry
 from doorway3ds.networks.doornet import DoorNet as Runtime
-from doorway3ds.networks.session import digest
 
 MIN_PICTURES, MIN_PLACES = 8, 8  # pictures of each class, places altogether
 MIN_HELD = 4  # held-out places: fewer say next to nothing of the next one

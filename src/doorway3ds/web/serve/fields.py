@@ -21,8 +21,8 @@ from doorway3ds.networks.base import (
     RELATIVE,
     Joined,
     Network,
+    joint_gives,
     presets_of,
-    together,
 )
 from doorway3ds.networks.registry import MODELS, load
 from doorway3ds.options import Options, settings_of
@@ -221,7 +221,7 @@ class Pipelines:
         if not all(part in MODELS for part in parts):
             gives = self._network(name).gives
         else:
-            gives = together([frozenset(MODELS[part].gives) for part in parts])
+            gives = joint_gives([frozenset(MODELS[part].gives) for part in parts])
         return [method for method, needs in NEEDS.items() if gives.issuperset(needs)]
 
 
@@ -232,7 +232,7 @@ def _available() -> Iterator[str]:
     groups += [[a, b] for a in there for b in there if a != b]
     for group in groups:
         parts = [there[name] for name in group]
-        gives = together(parts)
+        gives = joint_gives(parts)
         # The first of a pair must have something that the second does not replace.
         kinds = [{DEPTH if kind == RELATIVE else kind for kind in part} for part in parts]
         if any(gives.issuperset(needs) for needs in NEEDS.values()) and (
