@@ -8,9 +8,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from doorway3ds.draw.words import help_page
+from doorway3ds.images.codec import read_image, write_image
 from doorway3ds.types import Reason
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -76,6 +78,27 @@ def test_python_blocks_run_as_they_stand(page: str, monkeypatch: pytest.MonkeyPa
     assert found
     for program in found:
         exec(compile(program, page, "exec"), {})
+
+
+def test_the_showroom_puts_stands_beside_doorways_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "homes" / "images").mkdir(parents=True)
+    rows = ["image,open,left_px,right_px,home"]
+    for number in range(12):
+        name = f"{number:06d}.jpg"
+        write_image(tmp_path / "homes" / "images" / name, np.full((240, 320, 3), 90, np.uint8))
+        rows.append(f"{name},1,10.5,90.0,1" if number < 6 else f"{name},0,,,1")
+    (tmp_path / "homes" / "doorways.csv").write_text("\n".join(rows) + "\n")
+    monkeypatch.chdir(tmp_path)
+    page = (ROOT / "docs" / "qualify.md").read_text(encoding="utf-8")
+    (program,) = re.findall(r"(?s)```python\n(# showroom.py\n.*?)```", page)
+    exec(compile(program, "showroom.py", "exec"), {})
+    images = [read_image(f).image for f in sorted((tmp_path / "showroom" / "images").iterdir())]
+    stands = [int((image > 230).all(axis=2).sum()) for image in images]
+    assert len(images) == 12
+    assert sum(margin > 2000 for margin in stands) >= 4
+    assert all((image[:, 14:86] < 120).all() for image in images[:6])  # no doorway is hidden
 
 
 _FIGURE = re.compile(r"(\d+\.\d+)( %)? \((\d+\.\d+)–(\d+\.\d+)\)")
