@@ -29,10 +29,11 @@ from typing import Any
 
 import httpx
 import numpy as np
+from films import made_up_film
 from serve_load import serving
 
 from doorway3ds.decide.pipeline import Pipeline
-from doorway3ds.lab.benchmark import machine, made_up_film
+from doorway3ds.lab.benchmark import machine
 from doorway3ds.live.tracker import Tracker
 from doorway3ds.networks import load
 from doorway3ds.sources import open_source

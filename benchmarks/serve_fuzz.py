@@ -24,9 +24,10 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import httpx
+from films import made_up_film
 from serve_load import resident_mb, serving
 
-from doorway3ds.lab.benchmark import machine, made_up_film, made_up_jpeg
+from doorway3ds.lab.benchmark import machine, made_up_jpeg
 
 
 def main() -> None:

@@ -24,9 +24,10 @@ from datetime import datetime
 from pathlib import Path
 
 import httpx
+from films import made_up_film
 from rss import mb_per_hour, plot
 
-from doorway3ds.lab.benchmark import machine, made_up_film, made_up_jpeg
+from doorway3ds.lab.benchmark import machine, made_up_jpeg
 
 RESULTS = Path(__file__).parent / "results"
 

@@ -21,10 +21,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from films import made_up_film
 from rss import mb_per_hour, plot
 
 from doorway3ds.decide.pipeline import Pipeline
-from doorway3ds.lab.benchmark import machine, made_up_film
+from doorway3ds.lab.benchmark import machine
 from doorway3ds.live.feed import Feed
 from doorway3ds.live.tracker import Tracker
 from doorway3ds.networks import load

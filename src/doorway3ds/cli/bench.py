@@ -5,26 +5,17 @@ from __future__ import annotations
 import tempfile
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 
 from doorway3ds.cli.shared.options import expand
-from doorway3ds.compat import StrEnum
 from doorway3ds.decide.options import PACKAGED
 from doorway3ds.errors import CallError
 from doorway3ds.options import THREADS, setting
 
-if TYPE_CHECKING:
-    from doorway3ds.lab.peers import Peers
-
 RESULTS = Path("benchmarks/results")
 PAPER = ("cnn-srin", "densedepth")
-
-
-class Against(StrEnum):
-    PAPER = "paper"
-    PEERS = "peers"
 
 
 @expand
@@ -34,16 +25,14 @@ def bench(
         "Network to measure; give it twice to compare two; default: doornet.",
         metavar="NAME[+NAME]",
     ),
-    against: Against | None = setting(
-        None,
-        "Compare one network with the paper's pair, or with what would be used today: a detector "
-        "of YOLOv8n's size and a depth network of Depth Anything V2 small's. Untrained files "
-        "stand in for what is not installed (needs the extra train).",
+    against_paper: bool = setting(
+        False,
+        "Compare one network with the paper's pair. Untrained files stand in for what is not "
+        "installed (needs the extra train).",
     ),
-    against_paper: bool = setting(False, "The same as --against paper."),
     image: Path | None = setting(None, "Image to decide on; default: a made-up 640x480 JPEG."),
     repeat: int | None = setting(
-        None, "Decisions per network; default: 200, with --against 20.", low=3, high=100_000
+        None, "Decisions per network; default: 200, with --against-paper 20.", low=3, high=100_000
     ),
     starts: int = setting(5, "Cold starts per network; 0 leaves them out.", low=0, high=1000),
     threads: int | None = setting(None, "CPU threads of the networks; default: all.", **THREADS),
@@ -56,17 +45,11 @@ def bench(
     Example: 3ds bench --repeat 50
     """
     networks = network or [PACKAGED]
-    if against_paper:
-        if against is Against.PEERS:
-            raise CallError(
-                "--against peers and --against-paper exclude each other; give one of them"
-            )
-        against = Against.PAPER
-    if len(networks) > (1 if against else 2):
-        allowed = f"once with --against {against}" if against else "once or twice"
+    if len(networks) > (1 if against_paper else 2):
+        allowed = "once with --against-paper" if against_paper else "once or twice"
         raise CallError(f"--network may be given {allowed}, got {len(networks)} times")
     if repeat is None:
-        repeat = 20 if against else 200
+        repeat = 20 if against_paper else 200
 
     from doorway3ds.files import write_json
     from doorway3ds.images.codec import read_image
@@ -76,18 +59,12 @@ def bench(
     height, width = read_image(source).image.shape[:2]
     data = source if isinstance(source, bytes) else source.read_bytes()
     with tempfile.TemporaryDirectory() as folder:
-        peers: list[Peers] = []
-        if against is Against.PAPER:
+        if against_paper:
             networks = [_paper_pair(Path(folder)), *networks]
-        elif against is Against.PEERS:
-            from doorway3ds.lab.peers import make_peers
-
-            peers = make_peers(Path(folder), threads)
-        results = benchmark.measure_decisions(networks, data, repeat, threads, peers)
+        results = benchmark.measure_decisions(networks, data, repeat, threads)
         for result in results:
-            alone = not starts or result["name"] in {one.name for one in peers}
-            result["process"] = None if alone else benchmark.measure_starts(result, data, starts)
-        if against is Against.PAPER:
+            result["process"] = benchmark.measure_starts(result, data, starts) if starts else None
+        if against_paper:
             results[0]["name"] = "+".join(PAPER)
     report: dict[str, Any] = {
         "date": datetime.now().astimezone().isoformat(timespec="seconds"),

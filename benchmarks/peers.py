@@ -1,4 +1,10 @@
-"""What a user would take instead of doornet today: a small detector and a depth network.
+"""How long does a decision take beside what one would otherwise use today?
+
+    python benchmarks/peers.py --network doornet --repeat 20
+
+A small detector and a depth network, one after the other on the same image, as they are, with
+weights and activations of 8 bits, and by OpenVINO if it is installed, by turns with a network's
+decision in one process: medians, and ratios with their 95 % intervals. Needs the extra `train`.
 
 Both are built from published architecture figures, with random weights: only their timing means
 anything. The detector is of YOLOv8n's shape (https://docs.ultralytics.com/models/yolov8: 3.2
@@ -8,10 +14,14 @@ ViT-S/14 and a DPT head, 24.8 million parameters, 518x518).
 
 from __future__ import annotations
 
+import argparse
+import json
 import logging
+import tempfile
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from datetime import datetime
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -21,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.images.codec import read_image
+from doorway3ds.lab import benchmark
 from doorway3ds.networks.adapter import squeeze
 from doorway3ds.networks.session import Session, available_threads
 
@@ -37,9 +48,6 @@ class Peers:
 
     name: of what they are run by. parts: what runs each, and the side of its input.
     """
-
-    method = "networks alone"
-    weights = "random"
 
     def __init__(self, name: str, parts: Sequence[tuple[Run, int]]) -> None:
         self.name, self._parts = name, parts
@@ -60,12 +68,44 @@ class Peers:
         return dict(zip(("decode", "prepare", "network"), spent.tolist(), strict=True))
 
 
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--network", default="doornet")
+    parser.add_argument("--image", type=Path, help="default: a made-up 640x480 JPEG")
+    parser.add_argument("--repeat", type=int, default=20)
+    parser.add_argument("--threads", type=int)
+    parser.add_argument("--out", type=Path, default=Path("benchmarks/results"))
+    given = parser.parse_args()
+    data = benchmark.made_up_jpeg() if given.image is None else given.image.read_bytes()
+    with tempfile.TemporaryDirectory() as folder:
+        peers = make_peers(Path(folder), given.threads)
+        own = benchmark.timed(benchmark.open_pipeline(given.network, given.threads))
+        times = benchmark.by_turns([*peers, own], data, given.repeat)
+    names = [*(one.name for one in peers), given.network]
+    results = [{"name": name, **found} for name, found in zip(names, times, strict=True)]
+    report = {
+        "date": datetime.now().astimezone().isoformat(timespec="seconds"),
+        "machine": benchmark.machine(given.threads),
+        "repeat": given.repeat,
+        "networks": results,
+        "ratios": [benchmark.ratio(other, results[-1]) for other in results[:-1]],
+    }
+    for result in results:
+        print(f"{result['name']}: {result['stages_ms']['total']['median']:.1f} ms")
+    for found in report["ratios"]:
+        low, high = found["interval"]
+        print(f"{found['of'][0]} takes {found['total']:.1f} times as long ({low:.1f}..{high:.1f})")
+    path = given.out / f"peers-{datetime.now():%Y-%m-%d-%H%M%S}.json"
+    path.write_text(json.dumps(report, indent=2) + "\n")
+    print(f"written to {path}")
+
+
 def make_peers(folder: Path, threads: int | None = None) -> list[Peers]:
     """Both networks by ONNX Runtime, as they are and in 8 bits; by OpenVINO, too, if installed.
 
     folder: where their ONNX files are written. threads: as `Session` takes them.
-
-    Raises ModuleNotFoundError without the extra train.
     """
     ways: dict[str, list[tuple[Run, int]]] = {"": [], ", 8 bits": [], ", OpenVINO": []}
     for build, side, outputs in (
@@ -119,10 +159,7 @@ def _by_openvino(path: Path, threads: int | None) -> Run:
 
 
 def write(build: Callable[[], Any], side: int, outputs: Sequence[str], path: Path) -> None:
-    """A network's ONNX file with random weights, always the same; input "image" (1, 3, side, side).
-
-    Raises ModuleNotFoundError without the extra train.
-    """
+    """A network with random weights, always the same, as a file; input "image" (1, 3, side, side)."""
     import torch
 
     with torch.random.fork_rng(devices=[]), torch.no_grad(), warnings.catch_warnings():
@@ -290,3 +327,7 @@ def depth_network(side: int, width: int = 64) -> Any:
             return self.last(grow(self.first(y), (side, side)))[:, 0]
 
     return Depth()
+
+
+if __name__ == "__main__":
+    main()
