@@ -159,7 +159,7 @@ def _by_openvino(path: Path, threads: int | None) -> Run:
 
 
 def write(build: Callable[[], Any], side: int, outputs: Sequence[str], path: Path) -> None:
-    """A network with random weights, always the same, as a file; input "image" (1, 3, side, side)."""
+    """A network with random weights, always the same; input "image" (1, 3, side, side)."""
     import torch
 
     with torch.random.fork_rng(devices=[]), torch.no_grad(), warnings.catch_warnings():
