@@ -6,17 +6,13 @@ import pytest
 from doorway3ds.lab.evaluate.intervals import (
     Interval,
     bootstrap,
-    mean_interval,
+    by_place,
+    mean,
     paired_difference,
     plain,
     widened,
     wilson,
 )
-
-
-def mean_of(values):
-    array = np.asarray(values, float)
-    return lambda indices: np.array([array[indices].mean()])
 
 
 @pytest.mark.parametrize(
@@ -60,7 +56,7 @@ def test_bootstrap_by_place_covers_and_by_picture_does_not():
     for trial in range(100):
         values = np.repeat(rng.normal(size=40), 10) + 0.3 * rng.normal(size=400)
         for names, add in ((places, 1), (pictures, 0)):
-            (found,) = bootstrap(mean_of(values), names, [400], repeats=200, seed=trial)
+            found = bootstrap({"mean": mean(values)}, names, repeats=200, seed=trial)["mean"]
             inside = bool(found.low <= 0 <= found.high)
             by_place += inside * add
             by_picture += inside * (1 - add)
@@ -71,20 +67,20 @@ def test_bootstrap_by_place_covers_and_by_picture_does_not():
 def test_bootstrap_repeats_with_its_seed():
     values, places = np.arange(30.0), [str(i // 3) for i in range(30)]
     first, again, other = (
-        bootstrap(mean_of(values), places, [30], repeats=100, seed=seed) for seed in (5, 5, 6)
+        bootstrap({"mean": mean(values)}, places, repeats=100, seed=seed) for seed in (5, 5, 6)
     )
     assert first == again != other
 
 
 def test_no_interval_from_one_place_or_without_repeats():
     for places, repeats in ((["a"] * 4, 100), (["a", "b", "c", "d"], 0)):
-        (found,) = bootstrap(mean_of([1, 2, 3, 4]), places, [4], repeats=repeats)
+        found = bootstrap({"mean": mean([1, 2, 3, 4])}, places, repeats=repeats)["mean"]
         assert (found.value, found.n) == (2.5, 4)
         assert math.isnan(found.low) and math.isnan(found.high)
 
 
 def test_unknown_values_are_left_out_of_the_mean():
-    interval = mean_interval([1.0, math.nan, 3.0], ["a", "b", "c"], repeats=200)
+    interval = by_place({"mean": mean([1.0, math.nan, 3.0])}, ["a", "b", "c"], 200)["mean"]
     assert (interval.value, interval.n) == (2.0, 2)
     assert interval.low == 1.0 and interval.high == 3.0
 
@@ -93,9 +89,10 @@ def test_paired_difference_is_narrower_than_its_parts():
     rng = np.random.default_rng(2)
     hard = np.repeat(rng.normal(size=20), 5)
     places = [str(i // 5) for i in range(100)]
-    a, b = mean_of(hard), mean_of(hard + 0.1 + 0.05 * rng.normal(size=100))
-    (found,) = paired_difference(a, b, places, [100], repeats=500)
-    (part,) = bootstrap(a, places, [100], repeats=500)
+    a = {"mean": mean(hard)}
+    b = {"mean": mean(hard + 0.1 + 0.05 * rng.normal(size=100))}
+    found = paired_difference(a, b, places, repeats=500)["mean"]
+    part = bootstrap(a, places, repeats=500)["mean"]
     assert found.value == pytest.approx(0.1, abs=0.02)
     assert found.low > 0
     assert found.high - found.low < (part.high - part.low) / 10

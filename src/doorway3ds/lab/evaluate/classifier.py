@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from doorway3ds.lab.evaluate import intervals, metrics
-from doorway3ds.lab.evaluate.intervals import Indices, Interval, wilson
+from doorway3ds.lab.evaluate import metrics
+from doorway3ds.lab.evaluate.intervals import Indices, Interval, Measure, by_place, mean, wilson
 from doorway3ds.lab.evaluate.metrics import Calibration, Confusion
 
 ECE_BINS = 10
@@ -60,18 +58,18 @@ def score(
     answer = p >= threshold
     places = [r.place for r in records]
 
-    def statistic(indices: Indices) -> NDArray[np.floating[Any]]:
-        t, a, q = truth[indices], answer[indices], p[indices]
-        c = metrics.confusion(t, a)
-        ece = metrics.calibration(t, q, ECE_BINS).ece
-        return np.array([c.accuracy, c.balanced_accuracy, metrics.auc(t, q), ece])
+    def balanced(indices: Indices) -> float:
+        return metrics.confusion(truth[indices], answer[indices]).balanced_accuracy
 
-    names = ("accuracy", "balanced_accuracy", "auc", "ece")
-    drawn = intervals.bootstrap(statistic, places, [len(records)] * len(names), repeats)
-    by_place = [
-        intervals.widened(value, share="accuracy" in name)
-        for name, value in zip(names, drawn, strict=True)
-    ]
+    def ece(indices: Indices) -> float:
+        return metrics.calibration(truth[indices], p[indices], ECE_BINS).ece
+
+    measures = {
+        "accuracy": mean(answer == truth),
+        "balanced_accuracy": Measure(balanced, len(records)),
+        "auc": Measure(lambda indices: metrics.auc(truth[indices], p[indices]), len(records)),
+        "ece": Measure(ece, len(records)),
+    }
     c = metrics.confusion(truth, answer)
     kinds = sorted({kind for r in records if not r.is_open for kind in r.kinds})
     false_open = {}
@@ -88,7 +86,7 @@ def score(
             "sensitivity": wilson(c.tp, c.tp + c.fn),
             "specificity": wilson(c.tn, c.tn + c.fp),
         },
-        metrics=dict(zip(names, by_place, strict=True)),
+        metrics=by_place(measures, places, repeats, ["accuracy", "balanced_accuracy"]),
         calibration=metrics.calibration(truth, p, ECE_BINS),
         false_open_by_kind=false_open,
     )

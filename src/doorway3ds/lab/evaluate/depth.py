@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.lab.evaluate.intervals import Interval, mean_interval
+from doorway3ds.lab.evaluate.intervals import Interval, by_place, mean
 from doorway3ds.lab.evaluate.metrics import DEPTH_LIMITS_M, DepthErrors, depth_errors
 
 MEASURES = ("delta1", "delta2", "delta3", "abs_rel", "rmse", "log10")
@@ -75,14 +75,10 @@ def score(records: Sequence[DepthRecord], repeats: int = 2000) -> DepthMetrics:
     known = [r for r in records if r.errors.pixels]
     places = [r.place for r in known]
     pixels = np.array([r.errors.pixels for r in known], float)
-    mean, pooled = {}, {}
-    for name in MEASURES:
-        values = np.array([getattr(r.errors, name) for r in known], float)
-        mean[name] = mean_interval(values, places, repeats)
-        if not known:
-            pooled[name] = math.nan
-        elif name == "rmse":
-            pooled[name] = float(np.sqrt(np.average(values**2, weights=pixels)))
-        else:
-            pooled[name] = float(np.average(values, weights=pixels))
-    return DepthMetrics(len(known), len(set(places)), mean, pooled)
+    values = {name: np.array([getattr(r.errors, name) for r in known], float) for name in MEASURES}
+    pooled = dict.fromkeys(MEASURES, math.nan)
+    if known:
+        pooled = {name: float(np.average(own, weights=pixels)) for name, own in values.items()}
+        pooled["rmse"] = float(np.sqrt(np.average(values["rmse"] ** 2, weights=pixels)))
+    means = by_place({name: mean(own) for name, own in values.items()}, places, repeats)
+    return DepthMetrics(len(known), len(set(places)), means, pooled)

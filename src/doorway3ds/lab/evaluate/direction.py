@@ -14,7 +14,7 @@ for p_open alone: neither as a doorway to point at nor as none.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from doorway3ds.camera.model import wrapped_deg
 from doorway3ds.lab.datasets.truth import PictureTruth
 from doorway3ds.lab.evaluate import intervals, metrics
-from doorway3ds.lab.evaluate.intervals import Indices, Interval, nan_mean, nan_quantile
+from doorway3ds.lab.evaluate.intervals import Indices, Interval, Measure
 from doorway3ds.types import Decision
 
 FloatArray = NDArray[np.floating[Any]]
@@ -210,16 +210,12 @@ def score(records: Sequence[DirectionRecord], repeats: int = 2000) -> DirectionM
     `repeats` 0 leaves the intervals out (nan), for use during training.
     """
     places = [record.truth.place for record in records]
-    statistic, counts = _statistic(records)
-    values = intervals.bootstrap(statistic, places, counts, repeats)
+    shares = [name for name, metric in METRICS.items() if metric.unit == "share"]
     return DirectionMetrics(
         pictures=len(records),
         doorway_pictures=sum(bool(record.truth.openings) for record in records),
         places=len(set(places)),
-        metrics={
-            name: intervals.widened(value, metric.unit == "share")
-            for (name, metric), value in zip(METRICS.items(), values, strict=True)
-        },
+        metrics=intervals.by_place(_measures(records), places, repeats, shares),
     )
 
 
@@ -235,16 +231,11 @@ def difference(
     if [r.truth.image for r in first] != [r.truth.image for r in second]:
         raise ValueError("paired records must be of the same images in the same order")
     places = [record.truth.place for record in first]
-    a, counts = _statistic(first)
-    b, _ = _statistic(second)
-    values = intervals.paired_difference(a, b, places, counts, repeats)
-    return dict(zip(METRICS, values, strict=True))
+    return intervals.paired_difference(_measures(first), _measures(second), places, repeats)
 
 
-def _statistic(
-    records: Sequence[DirectionRecord],
-) -> tuple[Callable[[Indices], FloatArray], list[int]]:
-    """A function from picture indices to the values of METRICS, and each one's pictures."""
+def _measures(records: Sequence[DirectionRecord]) -> dict[str, Measure]:
+    """Each of METRICS."""
     outcomes = [judge(record) for record in records]
 
     def column(values: Iterable[float]) -> FloatArray:
@@ -257,14 +248,16 @@ def _statistic(
     inside = column(o.inside for o in outcomes)
     clear_right = column(o.clear_right for o in outcomes)
     unmarked = column(float(r.truth.unmarked) for r in records)
-    is_open = column(
-        math.nan if r.truth.is_open is None or math.isnan(r.p_open) else float(r.truth.is_open)
-        for r in records
-    )
     p_open = column(r.p_open for r in records)
+    is_open = np.array([bool(r.truth.is_open) for r in records], bool)
+    scored = np.array([r.truth.is_open is not None for r in records], bool) & ~np.isnan(p_open)
 
     def where(condition: NDArray[np.bool_], values: FloatArray) -> FloatArray:
         return np.where(condition, values, math.nan)
+
+    def auc(indices: Indices) -> float:
+        known = indices[scored[indices]]
+        return metrics.auc(is_open[known], p_open[known])
 
     # Each a column with nan outside its denominator, so that a mean is a share.
     means = {
@@ -278,24 +271,16 @@ def _statistic(
         "clear_agreement": clear_right,
         "clear_answered": where(~np.isnan(way), (~np.isnan(clear_right)).astype(float)),
     }
-    quantiles = {
-        "bearing_median_deg": (error, 0.5),
-        "bearing_p90_deg": (error, 0.9),
-        "range_median_m": (column(o.range_error_m for o in outcomes), 0.5),
-        "range_median_share": (column(o.range_error_share for o in outcomes), 0.5),
+    range_error = column(o.range_error_m for o in outcomes)
+    found = {
+        "bearing_median_deg": intervals.quantile(error, 0.5),
+        "bearing_p90_deg": intervals.quantile(error, 0.9),
+        "range_median_m": intervals.quantile(range_error, 0.5),
+        "range_median_share": intervals.quantile([o.range_error_share for o in outcomes], 0.5),
+        "auc": Measure(auc, int(scored.sum())),
+        **{name: intervals.mean(values) for name, values in means.items()},
     }
-
-    def statistic(indices: Indices) -> FloatArray:
-        values = {name: nan_mean(v[indices]) for name, v in means.items()}
-        values |= {name: nan_quantile(v[indices], q) for name, (v, q) in quantiles.items()}
-        known = indices[~np.isnan(is_open[indices])]
-        values["auc"] = metrics.auc(is_open[known] == 1, p_open[known])
-        return np.array([values[name] for name in METRICS])
-
-    counts = {name: int(np.sum(~np.isnan(v))) for name, v in means.items()}
-    counts |= {name: int(np.sum(~np.isnan(v))) for name, (v, _) in quantiles.items()}
-    counts["auc"] = int(np.sum(~np.isnan(is_open)))
-    return statistic, [counts[name] for name in METRICS]
+    return {name: found[name] for name in METRICS}
 
 
 def _optional(value: Any) -> float | None:

@@ -7,7 +7,7 @@ that are too narrow; whole places are resampled instead (cluster bootstrap, perc
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
 from statistics import NormalDist
 from typing import Any
@@ -17,8 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 
 CONFIDENCE = 0.95  # of every interval
 Indices = NDArray[np.intp]
-# (n,) picture indices, with repeats -> (M,) values, nan where undefined
-Statistic = Callable[[Indices], NDArray[np.floating[Any]]]
 
 
 @dataclass(frozen=True)
@@ -31,6 +29,18 @@ class Interval:
     value: float
     low: float
     high: float
+    n: int
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One value of a set of pictures.
+
+    of: from (n,) picture indices, with repeats, to the value; nan where undefined. n: how many
+    pictures it rests on.
+    """
+
+    of: Callable[[Indices], float]
     n: int
 
 
@@ -65,62 +75,74 @@ def wilson(successes: int, n: int) -> Interval:
 
 
 def bootstrap(
-    statistic: Statistic,
-    places: Sequence[str],
-    counts: Sequence[int],
-    repeats: int = 2000,
-    seed: int = 0,
-) -> list[Interval]:
-    """Values of `statistic` on all pictures with the percentile interval over resampled places.
+    measures: Mapping[str, Measure], places: Sequence[str], repeats: int = 2000, seed: int = 0
+) -> dict[str, Interval]:
+    """The value of each measure on all pictures with the percentile interval over resampled places.
 
-    counts: (M,) pictures that each value rests on. Resamples in which a value is undefined (no
-    picture of its kind drawn) are left out of that value's percentiles. `repeats` 0, or a single
-    place, leaves the intervals nan.
+    Resamples in which a value is undefined (no picture of its kind drawn) are left out of that
+    value's percentiles. `repeats` 0, or a single place, leaves the intervals nan.
     """
-    value = np.asarray(statistic(np.arange(len(places))), float)
-    draws = np.empty((0, len(value)))
-    if repeats > 0 and len(set(places)) > 1:
-        draws = np.stack([statistic(indices) for indices in _resamples(places, repeats, seed)])
+    resamples = _resamples(places, repeats, seed) if len(set(places)) > 1 else []
     tail = (1 - CONFIDENCE) / 2
-    found = []
-    for m, count in enumerate(counts):
+    found = {}
+    for name, measure in measures.items():
         low = high = math.nan
+        drawn = np.array([measure.of(indices) for indices in resamples], float)
         # An interval from a handful of lucky resamples would be worse than none.
-        defined = draws[~np.isnan(draws[:, m]), m]
+        defined = drawn[~np.isnan(drawn)]
         if len(defined) >= max(repeats / 2, 1):
             low, high = np.quantile(defined, [tail, 1 - tail])
-        found.append(Interval(float(value[m]), float(low), float(high), count))
+        value = measure.of(np.arange(len(places)))
+        found[name] = Interval(float(value), float(low), float(high), measure.n)
     return found
 
 
 def paired_difference(
-    first: Statistic,
-    second: Statistic,
+    first: Mapping[str, Measure],
+    second: Mapping[str, Measure],
     places: Sequence[str],
-    counts: Sequence[int],
     repeats: int = 2000,
     seed: int = 0,
-) -> list[Interval]:
+) -> dict[str, Interval]:
     """`second - first` with its interval, both computed on the same resampled places.
 
     The two see the same pictures, so most of the scatter cancels: the interval is about the
     difference, not about either value.
     """
 
-    def difference(indices: Indices) -> NDArray[np.floating[Any]]:
-        return np.asarray(second(indices)) - np.asarray(first(indices))
+    def difference(a: Measure, b: Measure) -> Measure:
+        return Measure(lambda indices: b.of(indices) - a.of(indices), a.n)
 
-    return bootstrap(difference, places, counts, repeats, seed)
+    both = {name: difference(measure, second[name]) for name, measure in first.items()}
+    return bootstrap(both, places, repeats, seed)
 
 
-def mean_interval(values: ArrayLike, places: Sequence[str], repeats: int = 2000) -> Interval:
-    """Mean of the known (not nan) values with its interval by place."""
+def by_place(
+    measures: Mapping[str, Measure],
+    places: Sequence[str],
+    repeats: int = 2000,
+    shares: Collection[str] = (),
+) -> dict[str, Interval]:
+    """`bootstrap`, `widened`; shares: names of those measures that are shares."""
+    found = bootstrap(measures, places, repeats)
+    return {name: widened(value, name in shares) for name, value in found.items()}
+
+
+def mean(values: ArrayLike) -> Measure:
+    """Of the known (not nan) values."""
     array = np.asarray(values, float)
-    known = int(np.sum(~np.isnan(array)))
-    (found,) = bootstrap(
-        lambda indices: np.array([nan_mean(array[indices])]), places, [known], repeats
-    )
-    return widened(found)
+    return Measure(lambda indices: nan_mean(array[indices]), int(np.sum(~np.isnan(array))))
+
+
+def quantile(values: ArrayLike, q: float) -> Measure:
+    """Of the known (not nan) values."""
+    array = np.asarray(values, float)
+
+    def of(indices: Indices) -> float:
+        known = array[indices][~np.isnan(array[indices])]
+        return float(np.quantile(known, q)) if known.size else math.nan
+
+    return Measure(of, int(np.sum(~np.isnan(array))))
 
 
 def widened(found: Interval, share: bool = False) -> Interval:
@@ -138,12 +160,6 @@ def nan_mean(values: NDArray[np.floating[Any]]) -> float:
     """Mean of the known values, nan (without a warning) where there is none."""
     known = values[~np.isnan(values)]
     return float(known.mean()) if known.size else math.nan
-
-
-def nan_quantile(values: NDArray[np.floating[Any]], q: float) -> float:
-    """Quantile of the known values, nan (without a warning) where there is none."""
-    known = values[~np.isnan(values)]
-    return float(np.quantile(known, q)) if known.size else math.nan
 
 
 def _resamples(places: Sequence[str], repeats: int, seed: int) -> list[Indices]:

@@ -19,12 +19,9 @@ from numpy.typing import NDArray
 
 from doorway3ds.decide.gates import Gates
 from doorway3ds.lab.datasets.samples import NYU_KINDS, bearing_to_column
-from doorway3ds.lab.evaluate import intervals
 from doorway3ds.lab.evaluate.direction import GO_REASONS, DirectionRecord
-from doorway3ds.lab.evaluate.intervals import Indices, Interval, plain
+from doorway3ds.lab.evaluate.intervals import Interval, by_place, mean, plain
 from doorway3ds.types import Frame
-
-FloatArray = NDArray[np.floating[Any]]
 
 ANY = "all without a doorway"
 NONE = "none of these kinds"
@@ -102,27 +99,19 @@ def score(records: Sequence[DirectionRecord], repeats: int = 2000) -> dict[str, 
     goes = np.array([float(r.reason in GO_REASONS) for r in records])
     p_open = np.array([r.p_open for r in records], float)
     called = np.where(np.isnan(p_open), math.nan, p_open >= Gates.open_from)
-    columns = []
+    measures = {}
     for kind, member in members.items():
         on_it = [_on_it(r, kind) for r in records]
-        columns += [np.where(member, values, math.nan) for values in (goes, called, on_it)]
-    table = np.stack(columns, axis=1)
-
-    def shares(indices: Indices) -> FloatArray:
-        drawn = table[indices]
-        n = np.sum(~np.isnan(drawn), axis=0)
-        return np.where(n > 0, np.nansum(drawn, axis=0) / np.maximum(n, 1), math.nan)
-
-    counts = np.sum(~np.isnan(table), axis=0).tolist()
-    drawn = intervals.bootstrap(shares, places, counts, repeats)
-    found = [intervals.widened(value, share=True) for value in drawn]
+        for name, values in (("goes", goes), ("p_open", called), ("on_it", on_it)):
+            measures[f"{name} {kind}"] = mean(np.where(member, values, math.nan))
+    found = by_place(measures, places, repeats, shares=measures)
     return {
         kind: KindScore(
             int(member.sum()),
             len({place for place, inside in zip(places, member, strict=True) if inside}),
-            *found[3 * i : 3 * i + 3],
+            *(found[f"{name} {kind}"] for name in ("goes", "p_open", "on_it")),
         )
-        for i, (kind, member) in enumerate(members.items())
+        for kind, member in members.items()
         if member.any()
     }
 

@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,7 @@ from doorway3ds.lab.datasets.samples import Dataset, Sample
 from doorway3ds.lab.evaluate import direction, intervals, metrics, runners
 from doorway3ds.lab.evaluate.classifier import ECE_BINS
 from doorway3ds.lab.evaluate.direction import DirectionRecord
-from doorway3ds.lab.evaluate.intervals import Indices, Interval
+from doorway3ds.lab.evaluate.intervals import Indices, Interval, Measure
 from doorway3ds.lab.evaluate.report.html import cell, markdown
 from doorway3ds.lab.evaluate.report.pages import worst_directions
 from doorway3ds.networks.base import Network
@@ -46,7 +45,7 @@ COLUMNS: dict[str, str] = {
     "ece": "ECE",
     "ece_chance": "ECE by chance",
 }
-_OF_P_OPEN = ("closed_open", "open_open", "ece")
+_OF_P_OPEN = ("auc", "closed_open", "open_open", "ece", "ece_chance")
 
 
 @dataclass(frozen=True)
@@ -141,16 +140,17 @@ def score(
         found = direction.difference(before, records, repeats)
     wanted = {name: found[name] for name in COLUMNS if name in found}
     places = [r.truth.place for r in records]
-    mine, counts = _p_open_statistic(records), [len(records)] * len(_OF_P_OPEN)
     if before is None:
-        told = intervals.bootstrap(mine, places, counts, repeats)
+        wanted |= intervals.bootstrap(_of_p_open(records), places, repeats)
         wanted["ece_chance"] = _ece_by_chance(records)
     else:
-        was = _p_open_statistic(before)
-        told = intervals.paired_difference(was, mine, places, counts, repeats)
-    wanted |= dict(zip(_OF_P_OPEN, told, strict=True))
-    left_out = [n for n in wanted if n not in ("auc", "ece_chance", *_OF_P_OPEN)] if rough else []
-    return {name: wanted[name] for name in COLUMNS if name in wanted and name not in left_out}
+        was, now = _of_p_open(before), _of_p_open(records)
+        wanted |= intervals.paired_difference(was, now, places, repeats)
+    return {
+        name: wanted[name]
+        for name in COLUMNS
+        if name in wanted and (name in _OF_P_OPEN or not rough)
+    }
 
 
 def _ece_by_chance(records: Sequence[DirectionRecord]) -> Interval:
@@ -163,22 +163,24 @@ def _ece_by_chance(records: Sequence[DirectionRecord]) -> Interval:
     return Interval(float(middle), float(low), float(high), len(p_open))
 
 
-def _p_open_statistic(
-    records: Sequence[DirectionRecord],
-) -> Callable[[Indices], NDArray[np.floating[Any]]]:
+def _of_p_open(records: Sequence[DirectionRecord]) -> dict[str, Measure]:
     told = np.array([r.truth.is_open is not None for r in records], bool)
     is_open = np.array([bool(r.truth.is_open) for r in records], bool)
     p_open = np.array([r.p_open for r in records], float)
     called = np.array([r.reason != Reason.NO_DOOR.value for r in records], float)
 
-    def statistic(indices: Indices) -> NDArray[np.floating[Any]]:
-        known = indices[told[indices]]
-        truth, chance, says = is_open[known], p_open[known], called[known]
-        ece = metrics.calibration(truth, chance, ECE_BINS).ece if len(known) else math.nan
-        shares = (intervals.nan_mean(says[truth == which]) for which in (False, True))
-        return np.array([*shares, ece])
+    def share(members: NDArray[np.bool_]) -> Measure:
+        return Measure(intervals.mean(np.where(members, called, np.nan)).of, len(records))
 
-    return statistic
+    def ece(indices: Indices) -> float:
+        known = indices[told[indices]]
+        return metrics.calibration(is_open[known], p_open[known], ECE_BINS).ece
+
+    return {
+        "closed_open": share(told & ~is_open),
+        "open_open": share(told & is_open),
+        "ece": Measure(ece, len(records)),
+    }
 
 
 def compare(

@@ -15,7 +15,7 @@ import numpy as np
 
 from doorway3ds.errors import UserError
 from doorway3ds.files import write_bytes
-from doorway3ds.lab.evaluate.intervals import Interval, paired_difference, wilson
+from doorway3ds.lab.evaluate.intervals import Interval, mean, paired_difference, wilson
 from doorway3ds.lab.evaluate.report.html import cell, markdown
 from doorway3ds.lab.evaluate.report.plots import COLORS, figure
 from doorway3ds.lab.sim.stages.scenarios import SCENES
@@ -205,15 +205,11 @@ def difference(episodes: Sequence[Episode], scene: str = "all") -> Interval | No
     both = [s for s in stages if all((*s, m) in by for m in METHODS)]
     if not both:
         return None
-    opening, paper = (np.array([float(by[(*s, m)].success) for s in both]) for m in METHODS)
-    places = [f"{scene} {seed}" for scene, seed in both]
-    (found,) = paired_difference(
-        lambda i: np.array([paper[i].mean()]),
-        lambda i: np.array([opening[i].mean()]),
-        places,
-        [len(both)],
+    opening, paper = (
+        {"success": mean([float(by[(*s, m)].success) for s in both])} for m in METHODS
     )
-    return found
+    places = [f"{scene} {seed}" for scene, seed in both]
+    return paired_difference(paper, opening, places)["success"]
 
 
 def table(episodes: Sequence[Episode]) -> str:

@@ -14,11 +14,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from doorway3ds.lab.evaluate import direction, intervals, metrics
 from doorway3ds.lab.evaluate.direction import DirectionRecord, Metric
-from doorway3ds.lab.evaluate.intervals import Indices, Interval, nan_mean
+from doorway3ds.lab.evaluate.intervals import Indices, Interval, Measure, mean
 from doorway3ds.lab.evaluate.report.html import Table, cell
 
 RULE = " ".join((__doc__ or "").split("\n\n", 1)[1].split())
@@ -79,19 +78,14 @@ def compare(
     if [r.truth.image for r in before] != [r.truth.image for r in after]:
         raise ValueError("paired records must be of the same images in the same order")
     places = [r.truth.place for r in before]
-    columns = [_columns(records) for records in (before, after)]
-    first, second = (_statistic(column) for column in columns)
-    known = {name: int(np.sum(~np.isnan(values))) for name, values in columns[0].items()}
-    counts = [known.get(name, len(before)) for name in MEASURES]
-    sides = [
-        dict(zip(MEASURES, found, strict=True))
-        for found in (
-            intervals.bootstrap(first, places, counts, repeats, seed),
-            intervals.bootstrap(second, places, counts, repeats, seed),
-            intervals.paired_difference(first, second, places, counts, repeats, seed),
-        )
-    ]
-    return Comparison(sides[0], sides[1], sides[2], len(before), len(set(places)))
+    first, second = _measures(before), _measures(after)
+    return Comparison(
+        intervals.bootstrap(first, places, repeats, seed),
+        intervals.bootstrap(second, places, repeats, seed),
+        intervals.paired_difference(first, second, places, repeats, seed),
+        len(before),
+        len(set(places)),
+    )
 
 
 def judge(comparison: Comparison, depth_change: float) -> Verdict:
@@ -132,31 +126,28 @@ def table(comparison: Comparison) -> Table:
     return Table("Held-out places", ["before", "after", "after minus before"], rows)
 
 
-def _columns(records: Sequence[DirectionRecord]) -> dict[str, NDArray[np.float64]]:
-    """Each a column with nan where a picture does not speak to the measure."""
+def _measures(records: Sequence[DirectionRecord]) -> dict[str, Measure]:
+    """Each of MEASURES; of columns with nan where a picture does not speak to the measure."""
     outcomes = [direction.judge(record) for record in records]
     doorway = np.array([bool(r.truth.is_open) for r in records])
     right = np.array([is_right(r) for r in records], float)
     go = np.array([o.go for o in outcomes])
     way = np.array([o.way_clear for o in outcomes])
+    p_open = np.array([r.p_open for r in records])
+    found = mean(np.where(doorway, right, np.nan))
+    refused = mean(np.where(doorway, np.nan, right))
+
+    def auc(indices: Indices) -> float:
+        return metrics.auc(doorway[indices], p_open[indices])
+
     return {
-        "found": np.where(doorway, right, np.nan),
-        "refused": np.where(doorway, np.nan, right),
-        "go_without_door": np.where(doorway, np.nan, go),
-        "inside": np.array([o.inside for o in outcomes]),
-        "within_5deg": np.array([o.within for o in outcomes]),
-        "go_when_clear": np.where(way == 1, go, np.nan),
-        "go_when_blocked": np.where(way == 0, go, np.nan),
-        "is_open": doorway.astype(float),
-        "p_open": np.array([r.p_open for r in records]),
+        "right": Measure(lambda i: (found.of(i) + refused.of(i)) / 2, len(records)),
+        "found": found,
+        "refused": refused,
+        "go_without_door": mean(np.where(doorway, np.nan, go)),
+        "inside": mean([o.inside for o in outcomes]),
+        "within_5deg": mean([o.within for o in outcomes]),
+        "go_when_clear": mean(np.where(way == 1, go, np.nan)),
+        "go_when_blocked": mean(np.where(way == 0, go, np.nan)),
+        "auc": Measure(auc, len(records)),
     }
-
-
-def _statistic(columns: Mapping[str, NDArray[np.float64]]) -> intervals.Statistic:
-    def statistic(indices: Indices) -> NDArray[np.float64]:
-        values = {name: nan_mean(column[indices]) for name, column in columns.items()}
-        values["right"] = (values["found"] + values["refused"]) / 2
-        values["auc"] = metrics.auc(columns["is_open"][indices] == 1, columns["p_open"][indices])
-        return np.array([values[name] for name in MEASURES])
-
-    return statistic
