@@ -63,13 +63,13 @@ def running(out: Path, epochs: int, options: RunOptions, **facts: Any) -> Iterat
     """
     from doorway3ds.lab.train.engine import backend
     from doorway3ds.lab.train.engine.training import Run
-    from doorway3ds.lab.train.engine.watch import TensorBoard, Together
+    from doorway3ds.lab.train.engine.watch import TensorBoard
 
     backend.start(options.threads)
     team = backend.join()
     watcher: Any = Watch(epochs)
     if options.tensorboard and team.leads:
-        watcher = Together(watcher, TensorBoard(out / "tensorboard"))
+        watcher = TensorBoard(out / "tensorboard", watcher)
     with Progress() as seen:
         told = {"command": command_line(), **facts}
         yield Run(out, options.resume, watcher, seen, team, told)

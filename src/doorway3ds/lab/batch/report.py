@@ -14,7 +14,7 @@ from doorway3ds.images.codec import read_image
 from doorway3ds.lab.batch.items import Item, find_items
 from doorway3ds.lab.batch.rows import Count, counts, read_rows
 from doorway3ds.lab.evaluate.report.html import Report, Table, write_report
-from doorway3ds.lab.evaluate.report.plots import COLORS, figure
+from doorway3ds.lab.evaluate.report.plots import figure
 from doorway3ds.lab.evaluate.report.sheets import Tile, contact_sheet, picture_tile
 
 LEAST_CERTAIN = 24
@@ -41,7 +41,7 @@ def write_batch_report(folder: Path, sources: list[str], facts: dict[str, str]) 
         values = pc.drop_null(table[column]).to_numpy()
         if len(values):
             with figure() as (axes, done):
-                axes.hist(values, bins=bins, range=span, color=COLORS[0])
+                axes.hist(values, bins=bins, range=span)
                 axes.set(xlabel=title, ylabel="images")
                 axes.yaxis.get_major_locator().set_params(integer=True)
                 report.add_plot(stem, title, done())

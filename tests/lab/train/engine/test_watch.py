@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("torch")
 from doorway3ds.errors import UserError
 from doorway3ds.lab.train.engine import watch
-from doorway3ds.lab.train.engine.watch import TensorBoard, Together
+from doorway3ds.lab.train.engine.watch import TensorBoard
 
 pytestmark = pytest.mark.train
 
@@ -29,12 +29,12 @@ def test_tensorboard_reads_both_sides_and_a_resumed_epoch_once(tmp_path: Path) -
         def epoch(self, row: dict[str, float]) -> None:
             told.append(row)
 
-    first = Together(TensorBoard(tmp_path), Ears())
+    first = TensorBoard(tmp_path, Ears())
     first.batch(1, 1, 2, {"loss": 9.0})
     for number in (1, 2):
         first.epoch(row(number, 1.0 / number))
     assert told == [{}, row(1, 1.0), row(2, 0.5)]
-    again = TensorBoard(tmp_path)
+    again = TensorBoard(tmp_path, Ears())
     for number in (2, 3):
         again.epoch(row(number, 5.0 / number))
     events = EventAccumulator(str(tmp_path)).Reload()
@@ -49,4 +49,4 @@ def test_a_missing_package_is_an_install_hint(
 ) -> None:
     monkeypatch.setattr(watch, "find_spec", lambda name: None)
     with pytest.raises(UserError, match="pip install tensorboard"):
-        TensorBoard(tmp_path)
+        TensorBoard(tmp_path, None)  # type: ignore[arg-type]

@@ -11,11 +11,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from doorway3ds.errors import UserError
 from doorway3ds.files import digest
-from doorway3ds.lab.evaluate.classifier import ClassifierMetrics
 from doorway3ds.lab.evaluate.intervals import plain
 from doorway3ds.lab.evaluate.report import plots
 from doorway3ds.lab.evaluate.report.html import Report
@@ -79,39 +76,13 @@ def training_report(card: Mapping[str, Any], history: Sequence[Row]) -> Report:
     return report
 
 
-def confusion(scored: ClassifierMetrics) -> bytes:
-    """Counts by true and answered class, as PNG."""
-    c = scored.confusion
-    counts = np.array([[c.tn, c.fp], [c.fn, c.tp]])
-    with plots.figure() as (axes, done):
-        axes.imshow(counts, cmap="Blues", vmin=0)
-        names = ["not open", "open"]
-        axes.set_xticks([0, 1], [f"called {n}" for n in names])
-        axes.set_yticks([0, 1], names)
-        for row in range(2):
-            for column in range(2):
-                dark = counts[row, column] > counts.max() / 2
-                axes.text(
-                    column,
-                    row,
-                    str(counts[row, column]),
-                    ha="center",
-                    va="center",
-                    fontsize=16,
-                    color="white" if dark else "black",
-                )
-    return done()
-
-
 def curves(history: Sequence[Row], name: str) -> bytes:
     """One loss or measure over the epochs, in training and held out, as PNG."""
     with plots.figure() as (axes, done):
-        for color, key, label in zip(
-            plots.COLORS, (name, f"val_{name}"), ("training", "held out"), strict=False
-        ):
+        for key, label in ((name, "training"), (f"val_{name}", "held out")):
             points = [(row["epoch"], row[key]) for row in history if key in row]
             if points:
-                axes.plot(*zip(*points, strict=True), color=color, label=label, marker=".")
+                axes.plot(*zip(*points, strict=True), label=label, marker=".")
         axes.set(xlabel="epoch", ylabel=name.replace("_", " "))
         axes.xaxis.get_major_locator().set_params(integer=True)
         axes.legend(frameon=False)

@@ -1,4 +1,4 @@
-"""Who is told how a training goes: TensorBoard, and several watchers at once."""
+"""TensorBoard is told how a training goes, beside who else watches."""
 
 from __future__ import annotations
 
@@ -10,38 +10,26 @@ from doorway3ds.errors import UserError
 from doorway3ds.lab.train.engine.loop import Row, Watcher
 
 
-class Together:
-    """Tells several watchers."""
-
-    def __init__(self, *watchers: Watcher) -> None:
-        self._watchers = watchers
-
-    def batch(self, epoch: int, step: int, steps: int, losses: Row) -> None:
-        for watcher in self._watchers:
-            watcher.batch(epoch, step, steps, losses)
-
-    def epoch(self, row: Row) -> None:
-        for watcher in self._watchers:
-            watcher.epoch(row)
-
-
 class TensorBoard:
     """Writes each epoch's losses to folder as event files, training beside held out.
+
+    watcher: is told of the same, first.
 
     A resumed training hides what an earlier one wrote of the same epochs. Raises UserError where
     the package is missing, before the training rather than after its first epoch.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, watcher: Watcher) -> None:
         if find_spec("tensorboard") is None:
             raise UserError("--tensorboard needs its package: pip install tensorboard")
-        self._folder = folder
+        self._folder, self._watcher = folder, watcher
         self._writer: Any = None
 
     def batch(self, epoch: int, step: int, steps: int, losses: Row) -> None:
-        pass
+        self._watcher.batch(epoch, step, steps, losses)
 
     def epoch(self, row: Row) -> None:
+        self._watcher.epoch(row)
         number = int(row["epoch"])
         try:
             if self._writer is None:

@@ -185,7 +185,6 @@ class SrinTraining(Training):
         report = outcome.training_report(card, self.history)
         scored = {"held out": self._scored}
         report.tables.append(pages.classifier_table(scored))
-        report.add_plot("confusion", "Confusion matrix", outcome.confusion(self._scored))
         samples = {s.name: s for s in self.pictures.samples}
         pages.add_classifier_pictures(report, samples, {"held out": self._records}, scored)
         return report
