@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from doorway3ds.lab.datasets.places import Seen, unseen
+from doorway3ds.lab.datasets.samples import Sample
 from doorway3ds.lab.evaluate.report.html import Report, write_report
 from doorway3ds.lab.train.engine import outcome
 from doorway3ds.lab.train.engine.backend import ALONE, Team, wants_half
 from doorway3ds.lab.train.engine.loop import Data, Loop, LoopConfig, Losses, Row, Watcher
 from doorway3ds.lab.train.options import TrainOptions
+
+Array = NDArray[np.float32]
+Read = Callable[[Sample], tuple[Array, Array]]
+Augment = Callable[[Array, Array, np.random.Generator], tuple[Array, Array]]
 
 
 def loop_config(options: TrainOptions, **more: Any) -> LoopConfig:
@@ -50,6 +58,30 @@ class Run:
         """What trains `model` in this run's folder; more: of `Loop`."""
         told = {"watcher": self.watcher, "team": self.team, **more}
         return Loop(model, losses, train, held, config, self.out, **told)
+
+
+class Loaded:
+    """Samples that are read anew each time.
+
+    read: (input, target) of a sample. augment: the same changed at random, by a generator that
+    seed, epoch and index determine; None means never.
+    """
+
+    def __init__(
+        self, samples: Sequence[Sample], read: Read, augment: Augment | None, seed: int
+    ) -> None:
+        self.names = [sample.name for sample in samples]
+        self._samples, self._read, self._augment, self._seed = samples, read, augment, seed
+
+    def load(self, indices: Sequence[int], epoch: int | None) -> tuple[Any, Any]:
+        pairs = []
+        for index in indices:
+            pair = self._read(self._samples[index])
+            if self._augment and epoch is not None:
+                pair = self._augment(*pair, np.random.default_rng((self._seed, epoch, index)))
+            pairs.append(pair)
+        inputs, targets = zip(*pairs, strict=True)
+        return np.stack(inputs), np.stack(targets)
 
 
 class Training(ABC):

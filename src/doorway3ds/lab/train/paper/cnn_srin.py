@@ -8,7 +8,7 @@ VGG16 preprocessing, batches of 32, binary cross-entropy, class 0 = no-door.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from doorway3ds.lab.datasets.places import Seen, unseen
 from doorway3ds.lab.datasets.samples import Sample, load_frame
 from doorway3ds.lab.train.engine import checkpoint
 from doorway3ds.lab.train.engine.backend import device_of, start
+from doorway3ds.lab.train.onnx import file as onnxfile
 from doorway3ds.lab.train.paper.published import Layers, assign, read_layers
 from doorway3ds.networks.adapter import squeeze
 from doorway3ds.networks.cnn_srin import SIDE
@@ -65,6 +66,24 @@ def join(base: Any, head: Any) -> Any:
     """The whole network, sharing the layers of both: pictures to logits."""
     keras = start()
     return keras.Model(base.input, head(base.output), name="cnn_srin")
+
+
+def untrained() -> Any:
+    """The whole network with random weights."""
+    return join(build_base("none"), build_head())
+
+
+def export(model: Any, path: Path, metadata: Mapping[str, Any], side: int = SIDE) -> float:
+    """Writes the network's file, p_open for its logits; the largest difference to Keras."""
+    return onnxfile.export(
+        model,
+        path,
+        [(3, side, side)],
+        ["p_open"],
+        lambda x: x.sigmoid().reshape(-1),
+        metadata,
+        scale=255.0,
+    )
 
 
 def application(make: Callable[..., Any], weights: str | Path, **options: Any) -> Any:

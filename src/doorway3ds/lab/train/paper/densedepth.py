@@ -8,13 +8,14 @@ to one channel. RGB 0..1 in, farthest depth / depth out, at half the input's siz
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from doorway3ds.errors import UserError
 from doorway3ds.lab.train.engine.backend import start
+from doorway3ds.lab.train.onnx import file as onnxfile
 from doorway3ds.lab.train.paper.cnn_srin import application
 from doorway3ds.lab.train.paper.published import assign, read_layers
 
@@ -181,6 +182,17 @@ def import_weights(path: Path, size: tuple[int | None, int | None] | None = None
     model = build_densedepth("none", size=size or (NYU.height, NYU.width), filters=filters)
     assign(model, layers, path)
     return model
+
+
+def untrained() -> Any:
+    """The network with random weights."""
+    return build_densedepth("none")
+
+
+def export(model: Any, path: Path, metadata: Mapping[str, Any], setting: Setting = NYU) -> float:
+    """Writes the network's file; the largest difference to Keras."""
+    shape = (3, setting.height, setting.width)
+    return onnxfile.export(model, path, [shape], ["depth"], lambda raw: raw, metadata)
 
 
 def losses(output: Any, target: Any, most: float = NYU.most) -> dict[str, Any]:

@@ -22,10 +22,9 @@ from doorway3ds.lab.train.engine import outcome
 from doorway3ds.lab.train.engine.backend import device_of
 from doorway3ds.lab.train.engine.calibrate import relative_depth_error
 from doorway3ds.lab.train.engine.loop import Row
-from doorway3ds.lab.train.engine.training import Run, Training, loop_config
+from doorway3ds.lab.train.engine.training import Loaded, Run, Training, loop_config
 from doorway3ds.lab.train.options import DepthOptions
 from doorway3ds.lab.train.paper import densedepth
-from doorway3ds.lab.train.paper.convert import export_densedepth
 from doorway3ds.lab.train.paper.densedepth import SETTINGS, Setting
 from doorway3ds.lab.train.paper.depthpairs import DepthPairs, target
 from doorway3ds.networks.adapter import squeeze
@@ -36,29 +35,6 @@ _ORDERS = ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0))
 HALF_DECODER = 832  # filters of the decoder's first convolution, the published code's default
 _SHOWN = 8
 _HELD_OUT = Protocol("held out", "whole", False)
-
-
-class Pairs:
-    """Pictures (B, 3, h, w) RGB 0..1 with targets (B, 1, h/2, w/2), augmented where wanted."""
-
-    def __init__(
-        self, samples: Sequence[Sample], setting: Setting, augment: bool, seed: int
-    ) -> None:
-        self.names = [s.name for s in samples]
-        self._samples, self._setting = samples, setting
-        self._augment, self._seed = augment, seed
-
-    def load(self, indices: Sequence[int], epoch: int | None) -> tuple[Any, Any]:
-        images, targets = [], []
-        for index in indices:
-            sample, setting = self._samples[index], self._setting
-            image, truth = picture(sample, setting), target(sample, setting)
-            if self._augment and epoch is not None:
-                rng = np.random.default_rng((self._seed, epoch, index))
-                image, truth = augmented(image, truth, rng)
-            images.append(image)
-            targets.append(truth)
-        return np.stack(images), np.stack(targets)
 
 
 def picture(sample: Sample, setting: Setting) -> NDArray[np.float32]:
@@ -113,9 +89,16 @@ class DepthTraining(Training):
         if options.freeze_encoder:
             for layer in densedepth.encoder_layers(self._model):
                 layer.trainable = False
+
+        def pair(sample: Sample) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+            return picture(sample, setting), target(sample, setting)
+
         train, held = (
-            Pairs([self.pairs.samples[i] for i in part], setting, augment, options.seed)
-            for part, augment in ((self.split.train, options.augment), (self.split.held, False))
+            Loaded([self.pairs.samples[i] for i in part], pair, augment, options.seed)
+            for part, augment in (
+                (self.split.train, augmented if options.augment else None),
+                (self.split.held, None),
+            )
         )
         identity = outcome.identity(
             [s.name for s in self.pairs.samples],
@@ -148,7 +131,7 @@ class DepthTraining(Training):
     def export(self, path: Path, card: Mapping[str, Any]) -> float:
         shown = {key: card[key] for key in ("name", "date", "initialised_from", "depth_error")}
         shown["farthest_m"] = self.setting.farthest_m
-        return export_densedepth(self._model, path, shown, self.setting)
+        return densedepth.export(self._model, path, shown, self.setting)
 
     def page(self, card: Mapping[str, Any]) -> Report:
         report = outcome.training_report(card, self.history)

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.lab.datasets.doors import DoorPictures
-from doorway3ds.lab.datasets.samples import Sample
 from doorway3ds.lab.evaluate import classifier
 from doorway3ds.lab.evaluate.classifier import ClassifierMetrics, ClassifierRecord
 from doorway3ds.lab.evaluate.intervals import plain
@@ -20,11 +19,10 @@ from doorway3ds.lab.evaluate.report.html import Report
 from doorway3ds.lab.train.engine import outcome
 from doorway3ds.lab.train.engine.backend import device_of
 from doorway3ds.lab.train.engine.loop import Data, LoopConfig, Row
-from doorway3ds.lab.train.engine.training import Run, Training, loop_config
+from doorway3ds.lab.train.engine.training import Loaded, Run, Training, loop_config
 from doorway3ds.lab.train.options import SrinOptions
 from doorway3ds.lab.train.paper import cnn_srin
 from doorway3ds.lab.train.paper.cnn_srin import FeatureCache, Wanted
-from doorway3ds.lab.train.paper.convert import export_cnn_srin
 from doorway3ds.networks.cnn_srin import SIDE
 
 FINE_TUNE_RATE = 1e-5
@@ -40,25 +38,6 @@ class Rows:
 
     def load(self, indices: Sequence[int], epoch: int | None) -> tuple[Any, Any]:
         return self.features[list(indices)], self.labels[list(indices)]
-
-
-class Pictures:
-    """Pictures read anew each time, augmented where `augment` and there is an epoch."""
-
-    def __init__(self, samples: Sequence[Sample], side: int, augment: bool, seed: int) -> None:
-        self.names = [s.name for s in samples]
-        self._samples, self._side, self._augment, self._seed = samples, side, augment, seed
-
-    def load(self, indices: Sequence[int], epoch: int | None) -> tuple[Any, Any]:
-        images = []
-        for index in indices:
-            image = cnn_srin.picture(self._samples[index], self._side)
-            if self._augment and epoch is not None:
-                rng = np.random.default_rng((self._seed, epoch, index))
-                image = cnn_srin.augmented(image, rng)
-            images.append(image)
-        labels = np.array([[self._samples[i].is_open] for i in indices], np.float32)
-        return np.stack(images), labels
 
 
 def wanted_rows(pictures: DoorPictures, indices: Sequence[int], copies: int = 0) -> list[Wanted]:
@@ -124,15 +103,7 @@ class SrinTraining(Training):
         self._base.trainable = True
         for layer in self._base.layers:
             layer.trainable = layer.name.startswith(cnn_srin.TOP_BLOCK)
-        train, held = (
-            Pictures(
-                [self.pictures.samples[i] for i in part],
-                self.side,
-                bool(options.copies),
-                options.seed,
-            )
-            for part in (self.split.train, self.split.held)
-        )
+        train, held = self._read(self.split.train), self._read(self.split.held)
         loop = self.run.loop(
             self._whole,
             cnn_srin.losses,
@@ -149,11 +120,23 @@ class SrinTraining(Training):
         )
         return history + loop.run(self.run.resume)
 
+    def _read(self, part: Sequence[int]) -> Loaded:
+        """Pictures for the whole network, in training augmented if copies are wanted."""
+        options = self.options
+        return Loaded(
+            [self.pictures.samples[i] for i in part],
+            lambda sample: (cnn_srin.picture(sample, self.side), np.float32([sample.is_open])),
+            (lambda image, label, rng: (cnn_srin.augmented(image, rng), label))
+            if options.copies
+            else None,
+            options.seed,
+        )
+
     def records(self) -> list[ClassifierRecord]:
         """What the network as it is says of the held-out pictures."""
         samples = [self.pictures.samples[i] for i in self.split.held]
         if self.options.fine_tune:
-            p_open = predict(self._whole, Pictures(samples, self.side, False, 0))
+            p_open = predict(self._whole, self._read(self.split.held))
         else:
             p_open = predict(self._head, self._held)
         groups = [self.pictures.groups[i] for i in self.split.held]
@@ -179,7 +162,7 @@ class SrinTraining(Training):
 
     def export(self, path: Path, card: Mapping[str, Any]) -> float:
         shown = {key: card[key] for key in ("name", "date", "initialised_from")}
-        return export_cnn_srin(self._whole, path, shown, self.side)
+        return cnn_srin.export(self._whole, path, shown, self.side)
 
     def page(self, card: Mapping[str, Any]) -> Report:
         report = outcome.training_report(card, self.history)
