@@ -87,7 +87,7 @@ def direction(
     from doorway3ds.networks.mirrored import Mirrored
 
     dataset = _dataset(data, pictures)
-    runs = runners.DirectionRuns()
+    runs: runners.DirectionRuns = runners.Runs()
     if answers:
         if network or mirror or truth_depth or no_gate or pictures.folds:
             raise CallError("--answers scores what is stored; leave the network's options out")
@@ -146,25 +146,21 @@ def classifier(
     from doorway3ds.networks.mirrored import Mirrored
 
     dataset = _dataset(data, pictures)
-    records: dict[str, list[scores.ClassifierRecord]] = {}
-    left_out: dict[str, str] = {}
+    runs: runners.Runs[str, scores.ClassifierRecord] = runners.Runs()
     for part, k in _parts(dataset, pictures):
         loaded = {name: _network(name, k, ["p_open"]) for name in network or [PACKAGED]}
         if mirror:
             loaded = {f"{name}, mirrored average": Mirrored(n) for name, n in loaded.items()}
-        new, missing = runners.run_classifier(_progress(part.samples), loaded)
-        left_out |= missing
-        for name, column in new.items():
-            records.setdefault(name, []).extend(column)
-    scored = {name: scores.score(r, threshold, report.repeats) for name, r in records.items()}
+        runs.add(runners.run_classifier(_progress(part.samples), loaded))
+    scored = {name: scores.score(r, threshold, report.repeats) for name, r in runs.records.items()}
     result = {
         "task": "classifier",
         "runs": [{"network": name, **vars(s)} for name, s in scored.items()],
     }
-    page = _page("Classifier", dataset, left_out, [pages.classifier_table(scored)])
+    page = _page("Classifier", dataset, runs.left_out, [pages.classifier_table(scored)])
     if report.out is not None:
         samples = {s.name: s for s in dataset.samples}
-        pages.add_classifier_pictures(page, samples, records, scored)
+        pages.add_classifier_pictures(page, samples, runs.records, scored)
     _finish(page, result, report)
 
 
@@ -186,22 +182,15 @@ def depth(
     from doorway3ds.lab.evaluate.report import pages
 
     dataset = _dataset(data, pictures)
-    records: dict[runners.Protocol, list[scores.DepthRecord]] = {}
-    left_out: dict[str, str] = {}
-    networks_of: dict[tuple[str, str], Network] = {}
+    runs: runners.Runs[runners.Protocol, scores.DepthRecord] = runners.Runs()
     for part, k in _parts(dataset, pictures):
         loaded = {name: _network(name, k, ["depth"]) for name in network or [PACKAGED]}
-        new, missing = runners.run_depth(_progress(part.samples), loaded, mirror)
-        left_out |= missing
-        for protocol, column in new.items():
-            records.setdefault(protocol, []).extend(column)
-            network_of = loaded[protocol.network]
-            networks_of |= {(protocol.network, r.image): network_of for r in column}
-    scored = {protocol: scores.score(r, report.repeats) for protocol, r in records.items()}
-    page = _page("Depth", dataset, left_out, [pages.depth_table(scored)])
+        runs.add(runners.run_depth(_progress(part.samples), loaded, mirror, pages.WORST // 2))
+    scored = {protocol: scores.score(r, report.repeats) for protocol, r in runs.records.items()}
+    page = _page("Depth", dataset, runs.left_out, [pages.depth_table(scored)])
     if report.out is not None:
-        worst = runners.worst_depth(dataset.samples, records, networks_of, pages.WORST // 2)
-        pages.add_depth_pictures(page, records, worst)
+        worst = {name: cases[: pages.WORST // 2] for name, cases in runs.worst.items()}
+        pages.add_depth_pictures(page, runs.records, worst)
     _finish(page, pages.depth_json(scored), report)
 
 

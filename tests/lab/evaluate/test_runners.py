@@ -1,6 +1,5 @@
 import json
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -142,37 +141,47 @@ def test_an_answer_without_a_field_names_picture_and_field(nyu, tmp_path):
 
 def test_classifier_records_carry_kinds_of_negatives_only(nyu):
     samples = read_dataset(nyu).samples
-    records, left_out = runners.run_classifier(samples, {"oracle": Oracle()})
-    assert [(r.is_open, r.kinds) for r in records["oracle"]] == [
+    runs = runners.run_classifier(samples, {"oracle": Oracle()})
+    assert [(r.is_open, r.kinds) for r in runs.records["oracle"]] == [
         (True, ()),
         (True, ()),
         (False, ("closed door",)),
     ]
-    assert left_out == {}
+    assert runs.left_out == {}
 
 
 def test_depth_runs_say_crop_and_mirroring(nyu):
     (nyu / "depth" / "0003.png").unlink()
     samples = read_dataset(nyu).samples
-    records, left_out = runners.run_depth(samples, {"oracle": Oracle()}, mirror=True)
-    assert left_out == {"0003.jpg": "no true depth"}
-    assert set(records) == {
+    runs = runners.run_depth(samples, {"oracle": Oracle()}, mirror=True)
+    assert runs.left_out == {"0003.jpg": "no true depth"}
+    assert set(runs.records) == {
         Protocol("oracle", crop, mirrored)
         for crop in ("whole", "eigen")
         for mirrored in (False, True)
     }
-    eigen = records[Protocol("oracle", "eigen", False)][0].errors
+    eigen = runs.records[Protocol("oracle", "eigen", False)][0].errors
     # 2 m against 51 x 9.9955 / 255 m; the columns at "10 m or more" are no depth
     assert eigen.rmse == pytest.approx(2 - 51 * 9.9955 / 255, abs=1e-6)
     assert eigen.pixels == 425 * (560 - 100)
 
 
 def test_worst_depth_cases_are_those_of_the_lowest_delta1(nyu):
-    samples = read_dataset(nyu).samples
-    errors = [SimpleNamespace(pixels=9, delta1=d) for d in (0.5, 0.1, 0.9)]
-    column = [SimpleNamespace(image=s.name, errors=e) for s, e in zip(samples, errors, strict=True)]
-    records = {Protocol("oracle", "whole", False): column}
-    networks = {("oracle", s.name): Oracle() for s in samples}
-    worst = runners.worst_depth(samples, records, networks, 2)["oracle"]
-    assert [sample.name for sample, _, _ in worst] == ["0003.jpg", "0002.jpg"]
-    assert worst[0][1].shape == (46, 62)
+    shares = iter((0.5, 0.1, 0.9))
+
+    def partly_right(image, camera):
+        depth = np.full((46, 62), 9.0, np.float32)
+        depth[: round(46 * next(shares))] = 2.0
+        return Perception(0.9, depth_m=depth)
+
+    runs = runners.Runs()
+    for sample in read_dataset(nyu).samples:  # as folds are added
+        runs.add(runners.run_depth([sample], {"some": partly_right}, mirror=False, worst=1))
+    assert [sample.name for sample, _, _ in runs.worst["some"]] == [
+        "0003.jpg",
+        "0002.jpg",
+        "0045.jpg",
+    ]
+    _, depth_m, record = runs.worst["some"][0]
+    assert depth_m.shape == (46, 62)
+    assert record.errors.delta1 == pytest.approx(0.1, abs=0.02)

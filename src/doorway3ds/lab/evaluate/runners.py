@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,9 @@ from doorway3ds.networks.limits import override
 from doorway3ds.types import Decision, Frame, Perception, Selection
 
 Read = TypeVar("Read")
+Column = TypeVar("Column")
+Record = TypeVar("Record")
+DepthCase = tuple[Sample, NDArray[np.float32], DepthRecord]
 # `networks.Network`, or any function of a picture and its camera
 Network = Callable[[NDArray[np.uint8], Camera], Perception]
 
@@ -49,22 +52,41 @@ Answer = Callable[[Frame, NDArray[np.float32] | None], Mapping[Label, Decision]]
 
 
 @dataclass
-class DirectionRuns:
-    """Records of several methods and networks over the same pictures.
+class Runs(Generic[Column, Record]):
+    """Records of several columns of a table over the same pictures.
 
-    answers: the JSON objects that go with `records`. left_out: why a picture is missing, by name.
+    answers: the JSON objects that go with the records of directions. worst: by network, the
+    pictures of lowest delta1 with their maps. left_out: why a picture is missing, by name.
     """
 
-    records: dict[Label, list[DirectionRecord]] = field(default_factory=dict)
-    answers: dict[Label, list[dict[str, Any]]] = field(default_factory=dict)
+    records: dict[Column, list[Record]] = field(default_factory=dict)
+    answers: dict[Column, list[dict[str, Any]]] = field(default_factory=dict)
+    worst: dict[str, list[DepthCase]] = field(default_factory=dict)
     left_out: dict[str, str] = field(default_factory=dict)
 
-    def add(self, more: DirectionRuns) -> None:
+    def put(self, column: Column, record: Record, answer: dict[str, Any] | None = None) -> None:
+        self.records.setdefault(column, []).append(record)
+        if answer is not None:
+            self.answers.setdefault(column, []).append(answer)
+
+    def add(self, more: Runs[Column, Record]) -> None:
         """Further pictures, or further columns, of the same data set."""
-        for label, records in more.records.items():
-            self.records.setdefault(label, []).extend(records)
-            self.answers.setdefault(label, []).extend(more.answers[label])
+        for own, others in ((self.records, more.records), (self.answers, more.answers)):
+            for column, items in others.items():
+                own.setdefault(column, []).extend(items)  # type: ignore[attr-defined]
+        for name, cases in more.worst.items():
+            self.worst[name] = sorted([*self.worst.get(name, ()), *cases], key=_delta1)
         self.left_out |= more.left_out
+
+    def some(self) -> Runs[Column, Record]:
+        """The same; UserError if no picture is left."""
+        if not self.records:
+            why = next(iter(self.left_out.values()), "the selection holds none")
+            raise UserError(f"no image is left to score: {why}")
+        return self
+
+
+DirectionRuns = Runs[Label, DirectionRecord]
 
 
 def run_direction(
@@ -77,7 +99,7 @@ def run_direction(
     p_open_known False (the gate was held open) keeps p_open out of the score. Raises UserError
     where no picture could be read.
     """
-    runs = DirectionRuns()
+    runs: DirectionRuns = Runs()
     for sample, known in _readable(samples, _known, runs.left_out):
         for label, decision in answer(known.frame, known.depth_m).items():
             answered = answer_json(sample.name, sample.place, label, decision)
@@ -85,10 +107,8 @@ def run_direction(
             record = replace(record, lies_on=_lies_on(known, answered))
             if not p_open_known:
                 record = replace(record, p_open=math.nan)
-            runs.records.setdefault(label, []).append(record)
-            runs.answers.setdefault(label, []).append(answered)
-    _some_left(runs.records, runs.left_out)
-    return runs
+            runs.put(label, record, answered)
+    return runs.some()
 
 
 def answer_json(name: str, place: str, label: Label, decision: Decision) -> dict[str, Any]:
@@ -161,7 +181,7 @@ def match_answers(
     samples: Iterable[Sample], stored: Mapping[Label, Mapping[str, dict[str, Any]]]
 ) -> DirectionRuns:
     """Records of stored answers, of the pictures that every column answers."""
-    runs = DirectionRuns()
+    runs: DirectionRuns = Runs()
     by_end = {label: by_name_end(answers) for label, answers in stored.items()}
 
     def read(sample: Sample) -> _Known:
@@ -179,18 +199,15 @@ def match_answers(
                 raise UserError(
                     f"the stored answer of {label} to {sample.name} lacks or spoils {error}"
                 ) from error
-            runs.records.setdefault(label, []).append(record)
-            runs.answers.setdefault(label, []).append(answer)
-    _some_left(runs.records, runs.left_out)
-    return runs
+            runs.put(label, record, answer)
+    return runs.some()
 
 
 def run_classifier(
     samples: Iterable[Sample], networks: Mapping[str, Network]
-) -> tuple[dict[str, list[ClassifierRecord]], dict[str, str]]:
-    """Each network's records, and the pictures left out; half-open pictures are left out."""
-    records: dict[str, list[ClassifierRecord]] = {name: [] for name in networks}
-    left_out: dict[str, str] = {}
+) -> Runs[str, ClassifierRecord]:
+    """Each network's records; half-open pictures are left out."""
+    runs: Runs[str, ClassifierRecord] = Runs()
 
     def read(sample: Sample) -> tuple[bool, Frame, tuple[str, ...]]:
         if sample.is_open is None:
@@ -198,14 +215,11 @@ def run_classifier(
         kinds = () if sample.is_open else kinds_shown(sample, load_labels(sample))
         return sample.is_open, load_frame(sample), kinds
 
-    for sample, (is_open, frame, kinds) in _readable(samples, read, left_out):
+    for sample, (is_open, frame, kinds) in _readable(samples, read, runs.left_out):
         for name, network in networks.items():
             p_open = float(network(frame.image, frame.camera).p_open)
-            records[name].append(
-                ClassifierRecord(sample.name, sample.place, is_open, p_open, kinds)
-            )
-    _some_left(records, left_out)
-    return records, left_out
+            runs.put(name, ClassifierRecord(sample.name, sample.place, is_open, p_open, kinds))
+    return runs.some()
 
 
 @dataclass(frozen=True)
@@ -221,11 +235,13 @@ class Protocol:
 
 
 def run_depth(
-    samples: Iterable[Sample], networks: Mapping[str, Network], mirror: bool
-) -> tuple[dict[Protocol, list[DepthRecord]], dict[str, str]]:
-    """Each network's records under each protocol that the samples allow."""
-    records: dict[Protocol, list[DepthRecord]] = {}
-    left_out: dict[str, str] = {}
+    samples: Iterable[Sample], networks: Mapping[str, Network], mirror: bool, worst: int = 0
+) -> Runs[Protocol, DepthRecord]:
+    """Each network's records under each protocol that the samples allow.
+
+    worst: how many pictures of lowest delta1, whole and in one pass, are kept with their maps.
+    """
+    runs: Runs[Protocol, DepthRecord] = Runs()
 
     def read(sample: Sample) -> tuple[Frame, NDArray[np.float32]]:
         truth = load_depth(sample)
@@ -233,7 +249,7 @@ def run_depth(
             raise UserError("no true depth")
         return load_frame(sample), truth
 
-    for sample, (frame, truth) in _readable(samples, read, left_out):
+    for sample, (frame, truth) in _readable(samples, read, runs.left_out):
         boxes: dict[str, tuple[int, int, int, int] | None] = {"whole": None}
         if sample.eigen_box is not None:
             boxes["eigen"] = sample.eigen_box
@@ -241,36 +257,15 @@ def run_depth(
             for mirrored, depth_m in predicted_depth(name, network, frame, mirror):
                 for crop, box in boxes.items():
                     record = depth_scores.compare(sample.name, sample.place, depth_m, truth, box)
-                    records.setdefault(Protocol(name, crop, mirrored), []).append(record)
-    _some_left(records, left_out)
-    return records, left_out
+                    runs.put(Protocol(name, crop, mirrored), record)
+                    if crop == "whole" and not mirrored and record.errors.pixels:
+                        cases = [*runs.worst.get(name, ()), (sample, depth_m, record)]
+                        runs.worst[name] = sorted(cases, key=_delta1)[:worst]
+    return runs.some()
 
 
-def worst_depth(
-    samples: Iterable[Sample],
-    records: Mapping[Protocol, Sequence[DepthRecord]],
-    networks: Mapping[tuple[str, str], Network],
-    count: int,
-) -> dict[str, list[tuple[Sample, NDArray[np.float32], DepthRecord]]]:
-    """By network, its `count` pictures of lowest delta1, with the map predicted in one pass.
-
-    networks: by network's and picture's name, as folds have networks of their own.
-    """
-    by_name = {s.name: s for s in samples}
-    worst: dict[str, list[tuple[Sample, NDArray[np.float32], DepthRecord]]] = {}
-    for protocol, column in records.items():
-        if protocol.mirrored or protocol.crop != "whole":
-            continue
-        known = sorted((r for r in column if r.errors.pixels), key=lambda r: r.errors.delta1)
-        cases = []
-        for record in known[:count]:
-            sample, network = by_name[record.image], networks[protocol.network, record.image]
-            ((_, depth_m),) = predicted_depth(
-                protocol.network, network, load_frame(sample), mirror=False
-            )
-            cases.append((sample, depth_m, record))
-        worst[protocol.network] = cases
-    return worst
+def _delta1(case: DepthCase) -> float:
+    return case[2].errors.delta1
 
 
 def predicted_depth(
@@ -332,9 +327,3 @@ def _lies_on(known: _Known, answer: Mapping[str, Any]) -> str | None:
         return None
     span = kind_scores.candidate_deg(answer)
     return "" if span is None else kind_scores.kind_under(known.labels, known.frame, *span)
-
-
-def _some_left(records: Mapping[Any, Sequence[Any]], left_out: Mapping[str, str]) -> None:
-    if not any(records.values()):
-        why = next(iter(left_out.values()), "the selection holds none")
-        raise UserError(f"no image is left to score: {why}")
