@@ -54,9 +54,8 @@ def batch(
     from doorway3ds.decide.pipeline import build_pipeline
     from doorway3ds.images.codec import SUFFIXES
     from doorway3ds.lab.batch.items import count_items
-    from doorway3ds.lab.batch.lens import lens_doubt
     from doorway3ds.lab.batch.rows import counts
-    from doorway3ds.lab.batch.run import Outcome, run_batch
+    from doorway3ds.lab.batch.run import Outcome, lens_doubt, run_batch
     from doorway3ds.lab.batch.worker import Job
     from doorway3ds.networks.session import available_threads
     from doorway3ds.sources.base import View
@@ -91,8 +90,8 @@ def batch(
     by_folder = counts(out)
     for where, count in by_folder.items():
         say(
-            f"{where}: {count.images} images, {count.open} open, {count.turn} turns, "
-            f"{count.blocked} blocked, {count.unsure} unsure, {count.errors} errors"
+            f"{where}: {count['images']} images, {count['open']} open, {count['turn']} turns, "
+            f"{count['blocked']} blocked, {count['unsure']} unsure, {count['errors']} errors"
         )
     say(
         f"{outcome.answered} answered, {outcome.kept} unchanged, {outcome.errors} errors; "
@@ -105,7 +104,7 @@ def batch(
             out, sources, {"sources": " ".join(sources), "network": decide.network}
         )
         say(f"report in {path}")
-    if any(count.errors for count in by_folder.values()):
+    if any(count["errors"] for count in by_folder.values()):
         raise typer.Exit(1)
 
 

@@ -12,7 +12,7 @@ from doorway3ds.draw.words import help_page
 from doorway3ds.errors import UserError
 from doorway3ds.images.codec import read_image
 from doorway3ds.lab.batch.items import Item, find_items
-from doorway3ds.lab.batch.rows import Count, counts, read_rows
+from doorway3ds.lab.batch.rows import counts, read_rows
 from doorway3ds.lab.evaluate.report.html import Report, Table, write_report
 from doorway3ds.lab.evaluate.report.plots import figure
 from doorway3ds.lab.evaluate.report.sheets import Tile, contact_sheet, picture_tile
@@ -28,9 +28,10 @@ def write_batch_report(folder: Path, sources: list[str], facts: dict[str, str]) 
     Raises UserError if the folder holds no rows, cannot be written, or matplotlib is missing.
     """
     by_folder = counts(folder)
-    images = str(sum(c.images for c in by_folder.values()))
+    images = str(sum(c["images"] for c in by_folder.values()))
     report = Report("Batch", {**facts, "images": images, "reasons": help_page()})
-    report.tables.append(_table(by_folder))
+    rows = [(where, "", list(map(str, count.values()))) for where, count in by_folder.items()]
+    report.tables.append(Table("Answers by folder", list(next(iter(by_folder.values()))), rows))
     columns = ["image", "occurrence", "p_open", "bearing_deg", "range_m", "reason"]
     table = read_rows(folder, columns)
     for stem, title, column, bins, span in (
@@ -45,22 +46,12 @@ def write_batch_report(folder: Path, sources: list[str], facts: dict[str, str]) 
                 axes.set(xlabel=title, ylabel="images")
                 axes.yaxis.get_major_locator().set_params(integer=True)
                 report.add_plot(stem, title, done())
-    rows = table.filter(pc.is_valid(table["p_open"])).select(columns).to_pylist()
-    doubtful = heapq.nsmallest(LEAST_CERTAIN, rows, key=lambda row: abs(row["p_open"] - 0.5))
+    known = table.filter(pc.is_valid(table["p_open"])).select(columns).to_pylist()
+    doubtful = heapq.nsmallest(LEAST_CERTAIN, known, key=lambda row: abs(row["p_open"] - 0.5))
     tiles = _tiles(sources, doubtful)
     if tiles:
         report.add_sheet("least-certain", "The least certain", contact_sheet(tiles))
-    answer = {where: vars(count) for where, count in by_folder.items()}
-    return write_report(report, folder / "_report", {"folders": answer})
-
-
-def _table(by_folder: dict[str, Count]) -> Table:
-    names = ("images", "open", "turn", "blocked", "unsure", "errors")
-    rows = [
-        (where, "", [str(getattr(count, name)) for name in names])
-        for where, count in by_folder.items()
-    ]
-    return Table("Answers by folder", names, rows)
+    return write_report(report, folder / "_report", {"folders": by_folder})
 
 
 def _tiles(sources: list[str], rows: list[dict[str, Any]]) -> list[Tile]:

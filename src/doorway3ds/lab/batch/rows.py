@@ -11,7 +11,7 @@ import hashlib
 import io
 import json
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -201,20 +201,15 @@ class DataSet:
     def _read_known(self) -> None:
         """Digests by image; rows that could not be read at all are dropped and tried again."""
         retry: list[Row] = []
-        for table in self._tables(["image", "occurrence", "digest"]):
-            for row in table.to_pylist():
+        for path in sorted(self.folder.glob("part-*.parquet")):
+            for row in _read(path, ["image", "occurrence", "digest"]).to_pylist():
                 if row["digest"] is None:
                     retry.append(row)
                 else:
-                    self._known[_key(row["image"], row["occurrence"])] = bytes.fromhex(
-                        row["digest"]
-                    )
+                    key = _key(row["image"], row["occurrence"])
+                    self._known[key] = bytes.fromhex(row["digest"])
         if retry:
             self._drop(retry)
-
-    def _tables(self, columns: list[str] | None = None) -> Iterator[pa.Table]:
-        for path in sorted(self.folder.glob("part-*.parquet")):
-            yield _read(path, columns)
 
     def _drop(self, rows: list[Row]) -> None:
         gone = {(row["image"], row["occurrence"]) for row in rows}
@@ -240,20 +235,11 @@ def read_rows(folder: Path, columns: list[str] | None = None) -> pa.Table:
     return pa.concat_tables(_read(path, columns) for path in paths)
 
 
-@dataclass(frozen=True)
-class Count:
-    """How the images of one folder were answered."""
+def counts(folder: Path) -> dict[str, dict[str, int]]:
+    """Numbers of images, open, turn, blocked, unsure and errors in each folder, archive or film.
 
-    images: int
-    open: int
-    turn: int
-    blocked: int
-    unsure: int
-    errors: int
-
-
-def counts(folder: Path) -> dict[str, Count]:
-    """Counts by the folder, archive or film that the images come from, in name order."""
+    They are in name order.
+    """
     table = read_rows(folder, ["image", "open", "reason", "error"])
     where = pc.replace_substring_regex(table["image"], "[/#][^/#]*$", "")
     loose = pc.equal(where, table["image"])
@@ -270,7 +256,7 @@ def counts(folder: Path) -> dict[str, Count]:
     sums = pa.table({"where": where, **{k: pc.cast(v, pa.int64()) for k, v in flags.items()}})
     grouped = sums.group_by("where").aggregate([(name, "sum") for name in flags])
     return {
-        row["where"]: Count(**{name: row[f"{name}_sum"] for name in flags})
+        row["where"]: {name: row[f"{name}_sum"] for name in flags}
         for row in sorted(grouped.to_pylist(), key=lambda row: str(row["where"]))
     }
 

@@ -25,7 +25,6 @@ from doorway3ds.camera.model import wrapped_deg
 from doorway3ds.lab.datasets.truth import PictureTruth
 from doorway3ds.lab.evaluate import intervals, metrics
 from doorway3ds.lab.evaluate.intervals import Indices, Interval, Measure
-from doorway3ds.types import Decision
 
 FloatArray = NDArray[np.floating[Any]]
 
@@ -136,15 +135,6 @@ class Outcome:
     way_clear: float
     clear_right: float
     go: float
-
-
-def record_from_decision(truth: PictureTruth, decision: Decision) -> DirectionRecord:
-    """The record of one decision of the pipeline."""
-    selection = decision.selection
-    listed = tuple((o.bearing_deg, o.range_m) for o in selection.openings)
-    if not listed and selection.bearing_deg is not None:
-        listed = ((selection.bearing_deg, selection.range_m),)
-    return DirectionRecord(truth, listed, decision.reason.value, decision.p_open, selection.clear)
 
 
 def record_from_json(truth: PictureTruth, answer: Mapping[str, Any]) -> DirectionRecord:

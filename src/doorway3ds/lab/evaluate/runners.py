@@ -28,11 +28,7 @@ from doorway3ds.lab.evaluate import depth as depth_scores
 from doorway3ds.lab.evaluate import kinds as kind_scores
 from doorway3ds.lab.evaluate.classifier import ClassifierRecord
 from doorway3ds.lab.evaluate.depth import DepthRecord
-from doorway3ds.lab.evaluate.direction import (
-    DirectionRecord,
-    record_from_decision,
-    record_from_json,
-)
+from doorway3ds.lab.evaluate.direction import DirectionRecord, record_from_json
 from doorway3ds.lab.evaluate.stored import Label, by_name_end
 from doorway3ds.networks.base import Network as BaseNetwork
 from doorway3ds.networks.base import thresholds_of
@@ -99,16 +95,19 @@ def run_direction(
     p_open_known False (the gate was held open) keeps p_open out of the score. Raises UserError
     where no picture could be read.
     """
-    runs: DirectionRuns = Runs()
-    for sample, known in _readable(samples, _known, runs.left_out):
-        for label, decision in answer(known.frame, known.depth_m).items():
-            answered = answer_json(sample.name, sample.place, label, decision)
-            record = record_from_decision(known.truth, decision)
-            record = replace(record, lies_on=_lies_on(known, answered))
-            if not p_open_known:
-                record = replace(record, p_open=math.nan)
-            runs.put(label, record, answered)
-    return runs.some()
+
+    def answers(sample: Sample, known: _Known) -> dict[Label, dict[str, Any]]:
+        found = answer(known.frame, known.depth_m)
+        return {
+            label: answer_json(sample.name, sample.place, label, decision)
+            for label, decision in found.items()
+        }
+
+    runs = _direction_runs(samples, _known, answers)
+    if not p_open_known:
+        for label, records in runs.records.items():
+            runs.records[label] = [replace(record, p_open=math.nan) for record in records]
+    return runs
 
 
 def answer_json(name: str, place: str, label: Label, decision: Decision) -> dict[str, Any]:
@@ -181,7 +180,6 @@ def match_answers(
     samples: Iterable[Sample], stored: Mapping[Label, Mapping[str, dict[str, Any]]]
 ) -> DirectionRuns:
     """Records of stored answers, of the pictures that every column answers."""
-    runs: DirectionRuns = Runs()
     by_end = {label: by_name_end(answers) for label, answers in stored.items()}
 
     def read(sample: Sample) -> _Known:
@@ -189,9 +187,20 @@ def match_answers(
             raise UserError("a column of the table has no stored answer for it")
         return _known(sample)
 
+    def answers(sample: Sample, _: _Known) -> dict[Label, dict[str, Any]]:
+        return {label: ends[sample.name] for label, ends in by_end.items()}
+
+    return _direction_runs(samples, read, answers)
+
+
+def _direction_runs(
+    samples: Iterable[Sample],
+    read: Callable[[Sample], _Known],
+    answers: Callable[[Sample, _Known], Mapping[Label, dict[str, Any]]],
+) -> DirectionRuns:
+    runs: DirectionRuns = Runs()
     for sample, known in _readable(samples, read, runs.left_out):
-        for label, ends in by_end.items():
-            answer = ends[sample.name]
+        for label, answer in answers(sample, known).items():
             try:
                 record = record_from_json(known.truth, answer)
                 record = replace(record, lies_on=_lies_on(known, answer))

@@ -26,6 +26,8 @@ from doorway3ds.lab.datasets.truth import PictureTruth, picture_truth
 from doorway3ds.lab.evaluate import direction
 from doorway3ds.lab.evaluate.direction import DirectionMetrics, DirectionRecord
 from doorway3ds.lab.evaluate.overview import HeldSet, held_sets, read_held
+from doorway3ds.lab.evaluate.runners import answer_json
+from doorway3ds.lab.evaluate.stored import Label
 from doorway3ds.lab.train.doornet.export import set_metadata
 from doorway3ds.lab.train.doornet.run import read_calibration
 from doorway3ds.networks.base import Network
@@ -33,6 +35,7 @@ from doorway3ds.networks.doornet import DoorNet
 from doorway3ds.networks.limits import override
 from doorway3ds.types import Frame, Perception, Reason
 
+_LABEL = Label("opening", "doornet")
 MIN_SCORE = 0.02  # candidates are listed from here on; whether to go is told by the others
 
 # Of `ClearanceParams`: the vote below which a way is blocked where the depth sees nothing in it,
@@ -113,7 +116,8 @@ class Tuning:
                 continue
             selection = select_opening(perception, frame, params)
             answer = decide(perception, selection, frame, "opening", gates)
-            found.append(direction.record_from_decision(truth, answer))
+            told = answer_json(truth.image, truth.place, _LABEL, answer)
+            found.append(direction.record_from_json(truth, told))
         return found
 
 
