@@ -1,4 +1,4 @@
-"""Files that are either whole or not there, and their digests."""
+"""Files written whole or not at all, their digests, and text that is read or refused."""
 
 from __future__ import annotations
 
@@ -47,6 +47,15 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
 def write_json(path: str | os.PathLike[str], value: Any, indent: int = 1) -> Path:
     """Writes a value as JSON, as `write_bytes` does and raises."""
     return write_bytes(path, (json.dumps(value, indent=indent) + "\n").encode())
+
+
+def read_text(path: Path) -> str:
+    """The text of a file in UTF-8. Raises UserError if it cannot be read."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise UserError(f"cannot read {path}: {reason}") from error
 
 
 def write_array(path: str | os.PathLike[str], array: Any) -> Path:

@@ -18,7 +18,7 @@ from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.training import command_line
 from doorway3ds.decide.options import PACKAGED
 from doorway3ds.errors import CallError
-from doorway3ds.files import write_bytes
+from doorway3ds.files import read_text, write_bytes
 from doorway3ds.lab.evaluate.options import DataOptions, MarkOptions, ReportOptions
 from doorway3ds.options import MANY, setting
 
@@ -107,11 +107,16 @@ def direction(
                 known = loaded is not None and not no_gate
                 runs.add(runners.run_direction(_progress(part.samples), answer, known))
     scored = {label: scores.score(r, report.repeats) for label, r in runs.records.items()}
-    differences = pages.direction_differences(runs.records, report.repeats)
+    first, *others = runs.records
+    differences = {
+        label: scores.difference(runs.records[first], runs.records[label], report.repeats)
+        for label in others
+    }
     by_kind = {label: kinds.score(r, report.repeats) for label, r in runs.records.items()}
     result = pages.direction_json(scored, differences, by_kind)
-    minus = pages.difference_table(differences, next(iter(scored)))
-    tables = [pages.direction_table(scored), *([minus] if minus else [])]
+    tables = [pages.direction_table(scored)]
+    if differences:
+        tables.append(pages.difference_table(differences, first))
     tables += pages.kind_tables(by_kind)
     if save_answers is not None:
         lines = [json.dumps(answer) for column in runs.answers.values() for answer in column]
@@ -262,7 +267,6 @@ def _bag(uri: str, marks: Path | None, of_image: dict[str, str] | None) -> Datas
 
 def _parts(dataset: Dataset, options: DataOptions) -> Iterator[tuple[Dataset, int | None]]:
     """The selected samples, fold by fold where folds are asked for, with the fold from 1."""
-    from doorway3ds.errors import UserError
     from doorway3ds.lab.datasets import samples as datasets
 
     split, folds, images = options.split, options.folds, options.images
@@ -275,10 +279,7 @@ def _parts(dataset: Dataset, options: DataOptions) -> Iterator[tuple[Dataset, in
         fold, count = datasets.parse_split(split)
         yield datasets.held_out(dataset, fold, count), fold + 1
     elif images is not None:
-        try:
-            lines = images.read_text(encoding="utf-8").splitlines()
-        except (OSError, UnicodeDecodeError) as error:
-            raise UserError(f"cannot read the list of images {images}: {error}") from error
+        lines = read_text(images).splitlines()
         names = [line.strip() for line in lines if line.strip() and not line.startswith("#")]
         yield datasets.only_named(dataset, names), None
     else:

@@ -22,7 +22,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from doorway3ds.errors import CallError, UserError
-from doorway3ds.files import write_bytes
+from doorway3ds.files import read_text, write_bytes
 from doorway3ds.types import Decision
 
 Row = dict[str, Any]
@@ -179,10 +179,7 @@ class DataSet:
     def _check_settings(self) -> None:
         path = self.folder / "_settings.json"
         text = json.dumps(self.settings, indent=1, sort_keys=True)
-        try:
-            found = path.read_text(encoding="utf-8") if path.exists() else None
-        except (OSError, UnicodeDecodeError) as error:
-            raise UserError(f"cannot read {path}: {error}") from error
+        found = read_text(path) if path.exists() else None
         if found is None:
             if any(self.folder.glob("part-*.parquet")):
                 raise CallError(f"{self.folder} holds Parquet files of something else")

@@ -26,6 +26,7 @@ from doorway3ds.camera.choice import FitCamera, default_camera
 from doorway3ds.camera.info import read_camera_info
 from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.errors import CallError, UserError
+from doorway3ds.files import read_text
 from doorway3ds.images.codec import image_size
 from doorway3ds.images.folder import images_in
 from doorway3ds.lab.datasets.csvfile import Row, csv_columns, csv_rows, flag, number
@@ -258,12 +259,8 @@ def _read_eyes(path: Path) -> dict[str, tuple[Camera, Pose, list[str]]]:
     """Camera, pose and what is in view by picture; nothing where there is no such file."""
     if not path.is_file():
         return {}
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"cannot read {path}: {error}") from error
     eyes = {}
-    for line_number, line in enumerate(lines, 1):
+    for line_number, line in enumerate(read_text(path).splitlines(), 1):
         try:
             told = json.loads(line)
             camera = {**told["camera"], "distortion": tuple(told["camera"]["distortion"])}

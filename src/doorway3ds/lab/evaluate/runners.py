@@ -67,9 +67,10 @@ class Runs(Generic[Column, Record]):
 
     def add(self, more: Runs[Column, Record]) -> None:
         """Further pictures, or further columns, of the same data set."""
-        for own, others in ((self.records, more.records), (self.answers, more.answers)):
-            for column, items in others.items():
-                own.setdefault(column, []).extend(items)  # type: ignore[attr-defined]
+        for column, records in more.records.items():
+            self.records.setdefault(column, []).extend(records)
+        for column, answers in more.answers.items():
+            self.answers.setdefault(column, []).extend(answers)
         for name, cases in more.worst.items():
             self.worst[name] = sorted([*self.worst.get(name, ()), *cases], key=_delta1)
         self.left_out |= more.left_out

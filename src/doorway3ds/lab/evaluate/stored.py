@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from doorway3ds.errors import UserError
+from doorway3ds.files import read_text
 
 
 @dataclass(frozen=True)
@@ -51,13 +52,9 @@ _Read = tuple[str, Callable[[], dict[str, Any]]]
 
 
 def _lines(path: Path) -> Iterator[_Read]:
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"cannot read the stored answers {path}: {error}") from error
     return (
         (f"line {number}", partial(json.loads, line))
-        for number, line in enumerate(lines, 1)
+        for number, line in enumerate(read_text(path).splitlines(), 1)
         if line.strip()
     )
 

@@ -11,7 +11,7 @@ import pytest
 from doorway3ds.errors import UserError
 from doorway3ds.lab.train.doornet.data.augment import AugmentConfig
 from doorway3ds.lab.train.doornet.data.samples import read_rendered
-from doorway3ds.lab.train.doornet.fit import Drawn, FitConfig, Held, Sampler, Stage
+from doorway3ds.lab.train.doornet.fit import Drawn, FitConfig, Held, Sampler, Stage, collate
 from doorway3ds.lab.train.engine.backend import Team
 
 CONFIG = FitConfig(stages=(Stage(2, 1e-3),), batch=2, seed=4)
@@ -21,7 +21,7 @@ def test_batches_are_those_of_their_number_whoever_draws_them(rendered: Path) ->
     sampler = Sampler(read_rendered(rendered), CONFIG, AugmentConfig())
     data = Drawn(sampler, batch=2, first=6, steps=2, encode=None)
     third = data.batches(1)[0]
-    image, target = sampler.batch(8)
+    image, target = collate([drawn for _, drawn in sampler.draw(8)])
     own, labels = data.load(third, 1)
     assert np.array_equal(own, image)
     assert all(np.array_equal(labels[name], target[name]) for name in target)

@@ -47,12 +47,8 @@ def direction_table(scored: Mapping[Label, DirectionMetrics]) -> Table:
     return Table("Direction and way", [str(label) for label in scored], rows)
 
 
-def difference_table(
-    differences: Mapping[Label, Mapping[str, Interval]], first: Label
-) -> Table | None:
-    """Differences to the first column, paired by picture; None where there is one column."""
-    if not differences:
-        return None
+def difference_table(differences: Mapping[Label, Mapping[str, Interval]], first: Label) -> Table:
+    """Differences to the first column, paired by picture."""
     rows = [
         _row(m.title, f"{m.better} is better", [d[name] for d in differences.values()], m.unit)
         for name, m in METRICS.items()
@@ -76,15 +72,6 @@ def kind_tables(by_kind: Mapping[Label, Mapping[str, KindScore]]) -> list[Table]
             columns.append("best candidate on it")
         tables.append(Table(f"No doorway, by what is shown: {label}", columns, rows))
     return tables
-
-
-def direction_differences(
-    records: Mapping[Label, Sequence[DirectionRecord]], repeats: int
-) -> dict[Label, dict[str, Interval]]:
-    first, *others = records
-    return {
-        label: direction.difference(records[first], records[label], repeats) for label in others
-    }
 
 
 def direction_json(

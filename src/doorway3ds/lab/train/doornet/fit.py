@@ -127,10 +127,6 @@ class Sampler:
             drawn.append((sample, view(sample, shape, rng, self._augment)))
         return drawn
 
-    def batch(self, step: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """The same as arrays."""
-        return collate([target for _, target in self.draw(step)])
-
 
 class Drawn:
     """What a stage learns from: the batches from number `first` on, `steps` an epoch.

@@ -53,12 +53,11 @@ class Restored:
 
 @dataclass(frozen=True)
 class _Step:
-    """One node with a weight. first: a convolution with none before it."""
+    """One node with a weight."""
 
     kind: str
     values: Array
     groups: int = 1
-    first: bool = False
 
 
 def restore(path: Path) -> Restored:
@@ -111,21 +110,14 @@ class _Walk:
 
     def steps(self) -> list[_Step]:
         """Every node with a weight in the order of the data, outputs in the order of OUTPUTS."""
-        found: list[_Step] = []
-        behind: dict[str, bool] = {}  # whether a convolution lies at or before this value
-        for name in _in_turn(OUTPUTS, self._inputs):
-            before = any(behind[i] for i in self._inputs(name))
-            node = self._nodes.get(name)
-            behind[name] = before or (node is not None and node.op_type == "Conv")
-            if node is not None:
-                found += self._weights(node, first=not before)
-        return found
+        nodes = [self._nodes.get(name) for name in _in_turn(OUTPUTS, self._inputs)]
+        return [step for node in nodes if node is not None for step in self._weights(node)]
 
     def _inputs(self, name: str) -> list[str]:
         node = self._nodes.get(name)
         return [] if node is None else [i for i in node.input if i]
 
-    def _weights(self, node: Any, first: bool) -> Iterator[_Step]:
+    def _weights(self, node: Any) -> Iterator[_Step]:
         if node.op_type not in _KINDS:
             return
         weights = [self._constant(name) for name in node.input]
@@ -134,7 +126,7 @@ class _Walk:
         for number, values in enumerate(known):
             # a convolution's second weight is what a node of its own would add
             kind = node.op_type if number == 0 else "Add"
-            yield _Step(kind, values.astype(np.float32), int(groups), first)
+            yield _Step(kind, values.astype(np.float32), int(groups))
 
     def _constant(self, name: str) -> NDArray[Any] | None:
         """A constant, also behind a node that changes its type only."""
@@ -172,11 +164,6 @@ class _Walk:
 
 def _build(steps: Sequence[_Step]) -> DoorNet:
     """The Keras network with the weights of `steps`."""
-    roots = [index for index, step in enumerate(steps) if step.kind == "Conv" and step.first]
-    if len(roots) != 1:
-        raise _Misfit(f"{len(roots)} convolutions see the image, one encoder's should")
-    if roots[0] != 0:
-        raise _Misfit("something with weights comes before the encoder")
     encoder, decoder = _convolutions(steps, _ENCODER_CONVS)
     try:
         net = build_doornet(encoder, _config(decoder))
@@ -269,14 +256,15 @@ def _in_order(model: Any) -> list[Any]:
 def _in_turn(ends: Sequence[Key], inputs: Callable[[Key], Sequence[Key]]) -> list[Key]:
     """Whatever the ends are made of, each once and after what it is made of itself."""
     found: dict[Key, None] = {}
-    stack = [(end, False) for end in reversed(ends)]
-    while stack:
-        key, done = stack.pop()
-        if done:
+
+    def visit(key: Key) -> None:
+        if key not in found:
+            for made_of in inputs(key):
+                visit(made_of)
             found[key] = None
-        elif key not in found:
-            stack.append((key, True))
-            stack += [(i, False) for i in reversed(inputs(key)) if i not in found]
+
+    for end in ends:
+        visit(end)
     return list(found)
 
 

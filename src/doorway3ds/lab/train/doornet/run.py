@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from doorway3ds.errors import UserError
-from doorway3ds.files import digest, write_bytes
+from doorway3ds.files import digest, read_text, write_bytes
 from doorway3ds.lab.datasets.readers import guess_layout
 from doorway3ds.lab.datasets.samples import place_folds
 from doorway3ds.lab.evaluate.report.html import Report
@@ -350,11 +350,9 @@ def blend(net: DoorNet, first: Path, share: float) -> None:
 def read_calibration(path: Path) -> tuple[Calibration, dict[str, Any]]:
     """Calibration, depth error and limits from a card; UserError where the file is none."""
     try:
-        card = json.loads(path.read_text(encoding="utf-8"))
+        card = json.loads(read_text(path))
         measured = {key: card[key] for key in ("depth_error", "thresholds")}
         measured["presets"] = card.get("presets", {})
         return Calibration(**card["calibration"]), measured
-    except OSError as error:
-        raise UserError(f"cannot read the card {path}: {error.strerror}") from error
     except (ValueError, KeyError, TypeError) as error:
         raise UserError(f"{path} is not a card of a training with held-out places") from error

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.errors import CallError, UserError
+from doorway3ds.files import read_text
 from doorway3ds.images.folder import images_in
 from doorway3ds.lab.datasets import places as groups
 from doorway3ds.lab.datasets.places import ALL, Choice, Pictures, Seen, Split, unseen
@@ -160,12 +161,8 @@ def _required(unit_m: float | None, path: Path) -> float:
 
 def _indexed(index: Path, root: Path, unit_m: float) -> list[Sample]:
     """Lines "picture,depth" of DenseDepth's index; a picture's folder is its place."""
-    try:
-        lines = index.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"cannot read {index}: {error}") from error
     samples = []
-    for number, line in enumerate(lines, 1):
+    for number, line in enumerate(read_text(index).splitlines(), 1):
         if not line.strip():
             continue
         names = [part.strip() for part in line.split(",")]

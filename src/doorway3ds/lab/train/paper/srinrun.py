@@ -125,7 +125,10 @@ class SrinTraining(Training):
         options = self.options
         return Loaded(
             [self.pictures.samples[i] for i in part],
-            lambda sample: (cnn_srin.picture(sample, self.side), np.float32([sample.is_open])),
+            lambda sample: (
+                cnn_srin.picture(sample, self.side),
+                np.array([sample.is_open], np.float32),
+            ),
             (lambda image, label, rng: (cnn_srin.augmented(image, rng), label))
             if options.copies
             else None,

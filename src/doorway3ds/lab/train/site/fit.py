@@ -37,8 +37,8 @@ BEFORE, HEADS, DECODER = "before", "heads", "decoder"
 ENOUGH = 25  # pictures of either class from which on calibration is fitted anew
 _REPLAY = 0.4  # share of a batch that comes from other data sets
 _AUGMENT = AugmentConfig(whole=0.6, min_zoom=0.7, occluder=0.1)
-# what serves training alone is not in a file, and comes back untrained: nothing to learn by
-_UNTRAINED = ("segments", "own_head")
+# serves training alone, is not in a file, and comes back untrained: nothing to learn by
+_UNTRAINED = "segments"
 _OPENINGS = LossWeights(p_open=1.0, depth=0.0, gradient=0.0, floor=0.0, segments=0.0)
 _ALL = replace(_OPENINGS, depth=1.0, gradient=0.5, floor=0.5)
 
@@ -157,7 +157,7 @@ def _freeze(net: DoorNet, stage: str) -> None:
     for layer in decoder.layers:
         learns = stage == DECODER or id(layer) not in shared
         # few pictures tell less of the statistics than the thousands before
-        layer.trainable = learns and not is_batch_norm(layer) and layer.name not in _UNTRAINED
+        layer.trainable = learns and not is_batch_norm(layer) and layer.name != _UNTRAINED
 
 
 def _look(net: DoorNet, samples: Sequence[Sample], batch: int) -> _Outlook:
