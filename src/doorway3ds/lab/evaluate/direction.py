@@ -205,7 +205,7 @@ def score(records: Sequence[DirectionRecord], repeats: int = 2000) -> DirectionM
         pictures=len(records),
         doorway_pictures=sum(bool(record.truth.openings) for record in records),
         places=len(set(places)),
-        metrics=intervals.by_place(_measures(records), places, repeats, shares),
+        metrics=intervals.by_place(measures(records), places, repeats, shares),
     )
 
 
@@ -221,10 +221,10 @@ def difference(
     if [r.truth.image for r in first] != [r.truth.image for r in second]:
         raise ValueError("paired records must be of the same images in the same order")
     places = [record.truth.place for record in first]
-    return intervals.paired_difference(_measures(first), _measures(second), places, repeats)
+    return intervals.paired_difference(measures(first), measures(second), places, repeats)
 
 
-def _measures(records: Sequence[DirectionRecord]) -> dict[str, Measure]:
+def measures(records: Sequence[DirectionRecord]) -> dict[str, Measure]:
     """Each of METRICS."""
     outcomes = [judge(record) for record in records]
 

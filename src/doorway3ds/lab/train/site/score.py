@@ -15,26 +15,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from doorway3ds.lab.evaluate import direction, intervals, metrics
+from doorway3ds.lab.evaluate import direction, intervals
 from doorway3ds.lab.evaluate.direction import DirectionRecord, Metric
-from doorway3ds.lab.evaluate.intervals import Indices, Interval, Measure, mean
+from doorway3ds.lab.evaluate.intervals import Interval, Measure, mean
 from doorway3ds.lab.evaluate.report.html import Table, cell
 
 RULE = " ".join((__doc__ or "").split("\n\n", 1)[1].split())
 OPEN = 0.5
 MAX_DEPTH_CHANGE = 0.05  # relative; a third of the packaged network's own error
 
-_DOORWAY, _NONE = "images with an open doorway", "images without one"
+_OF_DIRECTION = (
+    "go_without_door",
+    "inside",
+    "within_5deg",
+    "go_when_clear",
+    "go_when_blocked",
+    "auc",
+)
 MEASURES: dict[str, Metric] = {
     "right": Metric("answers rightly", "share", "high", "mean of the next two rows"),
-    "found": Metric("finds the doorway", "share", "high", _DOORWAY),
-    "refused": Metric("finds none where none is", "share", "high", _NONE),
-    "go_without_door": Metric("goes where there is no doorway", "share", "low", _NONE),
-    "inside": Metric("bearing inside the opening", "share", "high", "marked openings"),
-    "within_5deg": Metric("bearing within 5 deg", "share", "high", "marked openings"),
-    "go_when_clear": Metric("goes where the way is clear", "share", "high", "marked clear"),
-    "go_when_blocked": Metric("goes where the way is blocked", "share", "low", "marked blocked"),
-    "auc": Metric("p_open, AUC", "", "high", "all images"),
+    "found": Metric("finds the doorway", "share", "high", "images with an open doorway"),
+    "refused": Metric("finds none where none is", "share", "high", "images without one"),
+    **{name: direction.METRICS[name] for name in _OF_DIRECTION},
 }
 
 
@@ -127,27 +129,12 @@ def table(comparison: Comparison) -> Table:
 
 
 def _measures(records: Sequence[DirectionRecord]) -> dict[str, Measure]:
-    """Each of MEASURES; of columns with nan where a picture does not speak to the measure."""
-    outcomes = [direction.judge(record) for record in records]
+    """Each of MEASURES."""
     doorway = np.array([bool(r.truth.is_open) for r in records])
     right = np.array([is_right(r) for r in records], float)
-    go = np.array([o.go for o in outcomes])
-    way = np.array([o.way_clear for o in outcomes])
-    p_open = np.array([r.p_open for r in records])
     found = mean(np.where(doorway, right, np.nan))
     refused = mean(np.where(doorway, np.nan, right))
-
-    def auc(indices: Indices) -> float:
-        return metrics.auc(doorway[indices], p_open[indices])
-
-    return {
-        "right": Measure(lambda i: (found.of(i) + refused.of(i)) / 2, len(records)),
-        "found": found,
-        "refused": refused,
-        "go_without_door": mean(np.where(doorway, np.nan, go)),
-        "inside": mean([o.inside for o in outcomes]),
-        "within_5deg": mean([o.within for o in outcomes]),
-        "go_when_clear": mean(np.where(way == 1, go, np.nan)),
-        "go_when_blocked": mean(np.where(way == 0, go, np.nan)),
-        "auc": Measure(auc, len(records)),
-    }
+    both = Measure(lambda i: (found.of(i) + refused.of(i)) / 2, len(records))
+    others = direction.measures(records)
+    own = {"right": both, "found": found, "refused": refused}
+    return own | {name: others[name] for name in _OF_DIRECTION}
