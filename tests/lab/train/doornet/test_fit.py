@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("torch")
 from doorway3ds.errors import UserError
 from doorway3ds.lab.train.doornet.data.augment import AugmentConfig
-from doorway3ds.lab.train.doornet.data.samples import Sample, read_rendered
+from doorway3ds.lab.train.doornet.data.samples import Sample, read_samples
 from doorway3ds.lab.train.doornet.fit import FitConfig, Held, Stage, fit
 from doorway3ds.lab.train.doornet.losses import LossWeights
 from doorway3ds.lab.train.doornet.model import DoorNet, DoorNetConfig, build_doornet
@@ -36,13 +36,13 @@ import sys
 import numpy as np
 from pathlib import Path
 from doorway3ds.lab.train.engine import backend as engine
-from doorway3ds.lab.train.doornet.data.samples import read_rendered
+from doorway3ds.lab.train.doornet.data.samples import read_samples
 from tests.lab.train.doornet.test_fit import CONFIG, build, run
 engine.start(1)
 team = engine.join()
 teachers, rendered, out = map(Path, sys.argv[1:])
 net = build(teachers)
-samples = read_rendered(rendered)
+samples = read_samples(rendered)
 history = run(net, samples[2:], out, held=samples[:2], team=team)
 np.savez(out / f"rank{team.rank}.npz", *net.whole.get_weights(), loss=history[-1]["val_loss"])
 engine.leave(team)
@@ -75,7 +75,7 @@ def interrupt() -> None:
 def test_resumed_anywhere_it_ends_with_the_weights_of_an_unbroken_run(
     teachers: Path, rendered: Path, tmp_path: Path
 ) -> None:
-    samples = read_rendered(rendered)
+    samples = read_samples(rendered)
     held, kept = samples[:2], samples[2:]
     whole = build(teachers)
     history = run(whole, kept, tmp_path / "whole", held=held)
@@ -120,7 +120,7 @@ def test_the_kept_weights_are_the_average_with_its_warm_up(
 
     mean = [w.copy() for w in net.decoder.get_weights()]
     one = replace(CONFIG, stages=(Stage(2, 1e-2),), ema=0.2)
-    run(net, read_rendered(rendered), tmp_path, config=one, watcher=Look(0, kill))
+    run(net, read_samples(rendered), tmp_path, config=one, watcher=Look(0, kill))
     assert len(seen) == 4
     for step, weights in enumerate(seen, start=1):
         decay = min(0.2, step / (step + 10))  # the decay itself from the third step on
@@ -134,7 +134,7 @@ def test_early_stopping_keeps_the_weights_that_were_best_on_held_out_places(
 ) -> None:
     from doorway3ds.lab.train.engine.loop import Loop, LoopConfig
 
-    samples = read_rendered(rendered)
+    samples = read_samples(rendered)
     net = build(teachers)
     config = replace(CONFIG, stages=(Stage(8, 0.1),), patience=1, ema=0.0)
     history = run(net, samples[2:], tmp_path, held=samples[:2], config=config)
@@ -161,7 +161,7 @@ def _losses(output: Any, target: Any) -> dict[str, Any]:
 def test_a_loss_that_is_no_number_names_the_pictures(
     teachers: Path, rendered: Path, tmp_path: Path
 ) -> None:
-    samples = [replace(s, weight=float("nan")) for s in read_rendered(rendered)]
+    samples = [replace(s, weight=float("nan")) for s in read_samples(rendered)]
     net = build(teachers)
     with pytest.raises(UserError, match=r"epoch 1, batch 1 \(00\d+.png, 00\d+.png\)"):
         run(net, samples, tmp_path)
@@ -173,7 +173,7 @@ def test_bfloat16_learns_with_weights_in_float32(
 ) -> None:
     net = build(teachers)
     one = replace(CONFIG, stages=(Stage(1, 1e-3, 40),), steps_per_epoch=1)
-    (row,) = run(net, read_rendered(rendered), tmp_path, config=one, half=True)
+    (row,) = run(net, read_samples(rendered), tmp_path, config=one, half=True)
     assert np.isfinite(row["loss"])
     assert {w.dtype for w in net.whole.get_weights()} == {np.dtype("float32")}
 

@@ -113,10 +113,10 @@ def test_encoders_run_alike_in_keras_and_in_onnx_runtime(teachers: Path) -> None
 
 
 def test_places_never_cross_the_split(rendered: Path) -> None:
-    from doorway3ds.lab.train.doornet.data.samples import read_rendered
+    from doorway3ds.lab.train.doornet.data.samples import read_samples
     from doorway3ds.lab.train.doornet.run import split
 
-    samples = read_rendered(rendered)
+    samples = read_samples(rendered)
     for fold in range(3):
         kept, held = split(samples, fold, 3)
         assert {s.place for s in kept}.isdisjoint({s.place for s in held})

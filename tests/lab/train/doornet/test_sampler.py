@@ -10,7 +10,7 @@ import pytest
 
 from doorway3ds.errors import UserError
 from doorway3ds.lab.train.doornet.data.augment import AugmentConfig
-from doorway3ds.lab.train.doornet.data.samples import read_rendered
+from doorway3ds.lab.train.doornet.data.samples import read_samples
 from doorway3ds.lab.train.doornet.fit import Drawn, FitConfig, Held, Sampler, Stage, collate
 from doorway3ds.lab.train.engine.backend import Team
 
@@ -18,7 +18,7 @@ CONFIG = FitConfig(stages=(Stage(2, 1e-3),), batch=2, seed=4)
 
 
 def test_batches_are_those_of_their_number_whoever_draws_them(rendered: Path) -> None:
-    sampler = Sampler(read_rendered(rendered), CONFIG, AugmentConfig())
+    sampler = Sampler(read_samples(rendered), CONFIG, AugmentConfig())
     data = Drawn(sampler, batch=2, first=6, steps=2, encode=None)
     third = data.batches(1)[0]
     image, target = collate([drawn for _, drawn in sampler.draw(8)])
@@ -32,7 +32,7 @@ def test_batches_are_those_of_their_number_whoever_draws_them(rendered: Path) ->
 
 
 def test_shares_say_which_sources_are_drawn(rendered: Path) -> None:
-    samples = read_rendered(rendered)
+    samples = read_samples(rendered)
     other = [replace(sample, source="other") for sample in samples]
     config = replace(CONFIG, shares={"rendered": 0.0, "other": 0.3})
     sampler = Sampler(samples + other, config, AugmentConfig())
@@ -46,7 +46,7 @@ def test_shares_say_which_sources_are_drawn(rendered: Path) -> None:
 
 def test_what_counts_double_is_drawn_twice_as_often(rendered: Path) -> None:
     samples = [
-        replace(s, draws=3.0 if k == 0 else 1.0) for k, s in enumerate(read_rendered(rendered))
+        replace(s, draws=3.0 if k == 0 else 1.0) for k, s in enumerate(read_samples(rendered))
     ]
     samples = [replace(s, spans=(), place=str(k)) for k, s in enumerate(samples)]
     sampler = Sampler(samples, replace(CONFIG, batch=50), AugmentConfig(colour=0, occluder=0))
@@ -56,7 +56,7 @@ def test_what_counts_double_is_drawn_twice_as_often(rendered: Path) -> None:
 
 
 def test_held_out_pictures_come_in_batches_of_one_shape(rendered: Path) -> None:
-    samples = read_rendered(rendered)[:5]
+    samples = read_samples(rendered)[:5]
     upright = [
         replace(s, image=np.rot90(s.image), depth_m=None, segments=None, extra={})
         for s in samples[:2]

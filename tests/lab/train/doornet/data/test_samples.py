@@ -8,20 +8,19 @@ import cv2
 import numpy as np
 import pytest
 
+from doorway3ds.lab.datasets.readers import read_dataset
+from doorway3ds.lab.datasets.samples import load_frame
 from doorway3ds.lab.train.doornet.data.samples import (
     UNKNOWN,
     cluster_places,
-    read_doors,
-    read_marked,
-    read_nyu,
-    read_rendered,
+    from_frame,
     read_samples,
 )
 from tests.factories import write_site
 
 
 def test_nyu_is_cut_scaled_and_labelled(nyu: Path) -> None:
-    two, three, other = read_nyu(nyu)
+    two, three, other = read_samples(nyu)
     assert [s.place for s in (two, three, other)] == ["nyu-000", "nyu-000", "nyu-001"]
     assert two.image.shape == (261, 352, 3) and two.depth_m is not None
     # 255 says "10 m or more": a bound, not a distance
@@ -41,7 +40,7 @@ def test_rendered_depth_ends_at_ten_metres_and_what_is_glimpsed_counts_nothing(
     cv2.imwrite(str(rendered / "depth" / "000000.png"), depth)
     table = rendered / "doorways.csv"
     table.write_text(table.read_text().replace("000001.png,0,,,,3", "000001.png,0,,,,1"))
-    first, second, *_ = read_rendered(rendered)
+    first, second, *_ = read_samples(rendered)
     assert first.depth_m is not None and np.isnan(first.depth_m[0, :2]).all()
     assert first.depth_m[0, 2] == 2.0
     assert first.segments is not None and first.segments[0, 0] == UNKNOWN
@@ -59,7 +58,7 @@ def test_any_layout_is_told_by_its_files(rendered: Path, nyu: Path, tmp_path: Pa
 
 
 def test_photographs_marked_by_hand_are_samples_without_depth(marked: Path) -> None:
-    samples = read_marked(marked, longer=200)
+    samples = read_samples(marked)
     assert [s.open for s in samples] == [1, 0, None, 1, 0, None, 1, 0]
     assert [s.weight for s in samples[:3]] == [1.0, 0.8, 0.4]
     assert [s.place for s in samples[:3]] == ["site-room0", "site-room0", "site-room1"]
@@ -68,8 +67,10 @@ def test_photographs_marked_by_hand_are_samples_without_depth(marked: Path) -> N
     # taken from within the doorway, which covers most of the picture
     text = (marked / "doorways.csv").read_text().replace("79.5,119.5", "9.5,119.5")
     (marked / "doorways.csv").write_text(text)
-    assert [s.weight for s in read_marked(marked)[:3]] == pytest.approx([0.3, 0.8, 0.12])
-    whole, _, _, halved = samples[:4]
+    assert [s.weight for s in read_samples(marked)[:3]] == pytest.approx([0.3, 0.8, 0.12])
+    whole = samples[0]
+    stored = read_dataset(marked).samples[3]
+    halved = from_frame(stored, load_frame(stored), "site", longer=200)
     assert (whole.image.shape, halved.image.shape) == ((120, 160, 3), (150, 200, 3))
     assert (whole.spans[0].left, whole.spans[0].right) == (79.5, 119.5)
     assert (halved.spans[0].left, halved.spans[0].right) == (99.5, 149.5)
@@ -91,7 +92,7 @@ def test_places_are_those_told_and_those_that_look_alike(marked: Path) -> None:
         lines.append(f"{name},1,10,90,{'attic' if index in (2, 5) else ''}")
     (marked / "doorways.csv").write_text("\n".join(lines) + "\n")
     (marked / "camera.yaml").unlink()
-    places = [s.place for s in read_marked(marked)]
+    places = [s.place for s in read_samples(marked)]
     assert places[0] == places[7]
     assert places[2] == places[5]
     assert len(set(places)) == 6
@@ -118,6 +119,6 @@ def test_close_ups_of_closed_doors_count_as_told(tmp_path: Path) -> None:
         rows.append(f"{number}.png,{state},0.2,0.1,0.8,0.9")
     rows.append("3.png,open,0.8,0.1,0.9,0.9")
     (tmp_path / "boxes.csv").write_text("\n".join(rows) + "\n")
-    samples = read_doors(tmp_path, {}, closed_weight=1.7)
+    samples = read_samples(tmp_path, closed_weight=1.7)
     assert [sample.open for sample in samples] == [0, 1, None, 1]
     assert [sample.weight for sample in samples] == [1.7, 1.0, 1.0, 1.0]

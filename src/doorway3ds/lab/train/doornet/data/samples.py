@@ -5,6 +5,7 @@ Readers keep everything at a modest size in memory, so that an epoch never waits
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -14,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.lab.datasets import places as groups
-from doorway3ds.lab.datasets.readers import guess_layout, read_dataset
+from doorway3ds.lab.datasets.readers import read_dataset
 from doorway3ds.lab.datasets.samples import (
     DEPTH_FULL_M,
+    Dataset,
     load_depth,
     load_floor,
     load_frame,
@@ -27,6 +29,8 @@ from doorway3ds.types import Frame
 
 # Labels 0..5 of SEGMENTS (other, wall, floor, door, window, ceiling); 255 = unknown
 UNKNOWN = 255
+LONGER = 352  # side of a stored picture at most, unless it is rendered
+_DOOR_WIDTH = LONGER * 3 // 4
 _NYU40 = np.zeros(256, np.uint8)  # by the labels of NYU40, less 1
 _NYU40[[0, 1, 7, 8, 21, 39]] = 1, 2, 3, 4, 5, UNKNOWN
 _NAN = np.float32(np.nan)
@@ -92,58 +96,38 @@ def read_samples(folder: Path, *, closed_weight: float = 1.0) -> list[Sample]:
 
     closed_weight: of photographs in which every door is closed, if there are boxes of doors.
     """
-    layout = guess_layout(folder)
-    if layout == "boxes":
-        return read_doors(folder, {}, closed_weight=closed_weight)
-    if layout == "folders":
-        pictures = read_dataset(folder, layout).samples
-        return [from_frame(p, load_frame(p), folder.name) for p in pictures]
-    return {"nyu": read_nyu, "rendered": read_rendered, "plain": read_marked}[layout](folder)
+    dataset = read_dataset(folder)
+    if dataset.layout == "plain":
+        return _by_hand(dataset)
+    read: dict[str, Callable[[Marked], Sample]] = {
+        "nyu": lambda one: replace(_with_maps(one, "nyu", LONGER), place=f"nyu-{one.place}"),
+        "rendered": _rendered,
+        "boxes": lambda one: _door(one, closed_weight),
+        "folders": lambda one: from_frame(one, load_frame(one), folder.name),
+    }
+    return [read[dataset.layout](marked) for marked in dataset.samples]
 
 
-def read_nyu(folder: Path, width: int = 352) -> list[Sample]:
-    """NYU Depth v2 pictures with 8-bit depth, NYU40 labels and doorways.csv."""
-    return [
-        replace(_with_maps(marked, "nyu", width), place=f"nyu-{marked.place}")
-        for marked in read_dataset(folder, "nyu").samples
-    ]
+def _door(marked: Marked, closed_weight: float) -> Sample:
+    """A photograph of doors with their boxes, as a portrait of 3:4."""
+    frame = load_frame(replace(marked, size=(_DOOR_WIDTH, LONGER)))
+    sample = from_frame(marked, frame, "doors", loose=True)
+    return replace(
+        sample,
+        place=sample.name,
+        weight=closed_weight if sample.open == 0 else sample.weight,
+        extra={} if marked.leaf is None else {"leaf": marked.leaf},
+    )
 
 
-def read_doors(
-    folder: Path, places: dict[str, str], width: int = 264, closed_weight: float = 1.0
-) -> list[Sample]:
-    """Door photographs with state boxes, as portraits of 3:4.
-
-    places: picture name to place (see `cluster_places`). closed_weight: of pictures in which
-    every door is closed.
-    """
-    height = width * 4 // 3
-    samples = []
-    for marked in read_dataset(folder, "boxes").samples:
-        frame = load_frame(replace(marked, size=(width, height)))
-        sample = from_frame(marked, frame, "doors", height, loose=True)
-        samples.append(
-            replace(
-                sample,
-                place=places.get(sample.name, sample.name),
-                weight=closed_weight if sample.open == 0 else sample.weight,
-                extra={} if marked.leaf is None else {"leaf": marked.leaf},
-            )
-        )
-    return samples
-
-
-def read_rendered(folder: Path) -> list[Sample]:
-    """Rendered homes as `3ds sim render` writes them, at their full size."""
-    samples = []
-    for marked in read_dataset(folder, "rendered").samples:
-        sample = _with_maps(marked, "rendered", None)
-        # not open and only guessed: a doorway is glimpsed, too little of it to count
-        glimpse = sample.open == 0 and marked.confidence == 1
-        low = marked.pose.height_m is not None and marked.pose.height_m < _LOW_M
-        weight = 0.0 if glimpse else sample.weight
-        samples.append(replace(sample, weight=weight, draws=_LOW_DRAWS if low else 1.0))
-    return samples
+def _rendered(marked: Marked) -> Sample:
+    """A picture of a rendered home at its full size."""
+    sample = _with_maps(marked, "rendered", None)
+    # not open and only guessed: a doorway is glimpsed, too little of it to count
+    glimpse = sample.open == 0 and marked.confidence == 1
+    low = marked.pose.height_m is not None and marked.pose.height_m < _LOW_M
+    weight = 0.0 if glimpse else sample.weight
+    return replace(sample, weight=weight, draws=_LOW_DRAWS if low else 1.0)
 
 
 def _with_maps(marked: Marked, source: str, longer: int | None) -> Sample:
@@ -168,23 +152,21 @@ def _with_maps(marked: Marked, source: str, longer: int | None) -> Sample:
     return sample
 
 
-def read_marked(folder: Path, longer: int = 352) -> list[Sample]:
+def _by_hand(dataset: Dataset) -> list[Sample]:
     """Photographs of any size and camera marked by hand, as `3ds label` writes them: no depth.
 
     Their source is the folder's name. What is taken from within a doorway, so that the opening
-    covers most of the picture, counts less: where its edges are is a guess.
+    covers most of the picture, counts less: where its edges are is a guess. Where not every
+    picture's place is told, pictures also share one that a perceptual hash finds nearly the same.
 
-    longer: side of the stored pictures at most. Where not every picture's place is told, pictures
-    also share one that a perceptual hash finds nearly the same. Raises UserError where a picture
-    cannot be read or is not of the folder's camera.
+    Raises UserError where a picture cannot be read or is not of the folder's camera.
     """
-    dataset = read_dataset(folder, "plain")
-    name = folder.resolve().name
+    name = dataset.path.resolve().name
     samples, hashes = [], []
     for marked in dataset.samples:
         frame = load_frame(marked)
         hashes.append(groups.perceptual_hash(frame.image))
-        sample = from_frame(marked, frame, name, longer)
+        sample = from_frame(marked, frame, name)
         width = sample.image.shape[1]
         if any(span.right - span.left > _WITHIN * width for span in sample.spans):
             sample = replace(sample, weight=sample.weight * _WITHIN_WEIGHT)
@@ -201,7 +183,7 @@ def read_marked(folder: Path, longer: int = 352) -> list[Sample]:
 
 
 def from_frame(
-    marked: Marked, frame: Frame, source: str, longer: int | None = 352, *, loose: bool = False
+    marked: Marked, frame: Frame, source: str, longer: int | None = LONGER, *, loose: bool = False
 ) -> Sample:
     """A marked picture as a sample whose longer side has at most so many pixels; None: any.
 

@@ -18,11 +18,10 @@ from doorway3ds.decide.opening import decode_columns, way_vote
 from doorway3ds.errors import UserError
 from doorway3ds.images.codec import read_image
 from doorway3ds.images.folder import images_in
-from doorway3ds.lab.train.doornet.data.samples import Sample, Span
+from doorway3ds.lab.train.doornet.data.samples import LONGER, Sample, Span
 from doorway3ds.networks.base import Network
 from doorway3ds.types import ColumnVotes
 
-_LONGER = 352  # side of a stored image at most
 _ASPECT = 4 / 3  # of a square image: collections squeeze theirs, cameras take none
 _SURE, _DOUBTED = 0.5, 0.12  # scores from which on an opening is one, or may be one
 _LEAST = 0.2  # how sure of open or not a label must be, 0 to 1
@@ -54,7 +53,7 @@ def read_unmarked(folder: Path, network: Network) -> list[Sample]:
 def _stored(image: Any) -> Any:
     rows, columns = image.shape[:2]
     wide = columns * _ASPECT if rows == columns else columns
-    scale = min(_LONGER / max(wide, rows), 1.0) if rows != columns else _LONGER / wide
+    scale = min(LONGER / max(wide, rows), 1.0) if rows != columns else LONGER / wide
     size = (round(wide * scale), round(rows * scale))
     return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
 
