@@ -69,7 +69,8 @@ def open_url(url: str) -> Any:
     """A readable binary file, local or on any file system that fsspec knows."""
     if _SCHEME.match(url) is None:
         return Path(url).open("rb")
-    fsspec = _fsspec()
+    import fsspec
+
     return fsspec.open(url, "rb").open()
 
 
@@ -108,7 +109,7 @@ def _cheap(source: str) -> bool:
 
 def _found(sources: list[str]) -> Iterator[Item]:
     for source in sources:
-        if not _remote(source) and _SCHEME.match(source) is None and not _exists(source):
+        if _SCHEME.match(source) is None and not (Path(source).exists() or _fitting(source)):
             raise CallError(
                 f"{source} does not exist; expected an image, folder, pattern, .txt list, .tar, "
                 f".parquet, film or URL"
@@ -122,13 +123,13 @@ def _items_of(source: str) -> Iterator[Item]:
     if lower.endswith(LISTS):
         for line in _lines(source):
             holds = line.lower().endswith((*SHARDS, ".parquet", "/"))
-            yield from _items_of(line) if holds else _image(line)
+            yield from _items_of(line) if holds else [Item(line, url=line)]
     elif lower.endswith(SHARDS):
         yield from _members(source)
     elif lower.endswith(".parquet"):
         yield from _table(source)
     elif Path(lower).suffix in SUFFIXES and not _pattern(source):
-        yield from _image(source)
+        yield Item(source, url=source)
     elif _remote(source):
         yield from _remote_images(source)
     elif _SCHEME.match(source) is None and Path(source).is_dir():
@@ -139,10 +140,6 @@ def _items_of(source: str) -> Iterator[Item]:
                 yield Item(name, url=name)
     else:
         yield from _frames(source)
-
-
-def _image(name: str) -> Iterator[Item]:
-    yield Item(name, url=name)
 
 
 def _folder(folder: str) -> Iterator[Item]:
@@ -236,7 +233,8 @@ def _columns(source: str, schema: Any) -> tuple[str, Callable[[Any], bytes | Non
 
 def _remote_images(source: str) -> Iterator[Item]:
     """Images below a URL, or those that a pattern fits."""
-    fsspec = _fsspec()
+    import fsspec
+
     try:
         system, path = fsspec.core.url_to_fs(source)
         paths = system.glob(path) if _pattern(source) else system.find(path)
@@ -274,12 +272,8 @@ def _counted_up(source: str) -> list[str]:
     ]
 
 
-def _exists(source: str) -> bool:
-    return Path(source).exists() or (_pattern(source) and bool(_fitting(source)))
-
-
 def _fitting(pattern: str) -> list[str]:
-    return sorted(glob.glob(pattern, recursive=True))  # noqa: PTH207  # absolute ones, too
+    return [] if not _pattern(pattern) else sorted(glob.glob(pattern, recursive=True))  # noqa: PTH207  # absolute ones, too
 
 
 def _pattern(source: str) -> bool:
@@ -289,12 +283,6 @@ def _pattern(source: str) -> bool:
 def _remote(source: str) -> bool:
     scheme = _SCHEME.match(source)
     return scheme is not None and scheme[1].lower() in _REMOTE
-
-
-def _fsspec() -> Any:
-    import fsspec
-
-    return fsspec
 
 
 def _reason(error: BaseException) -> str:

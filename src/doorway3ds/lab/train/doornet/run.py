@@ -35,7 +35,7 @@ from doorway3ds.lab.train.doornet.recipe import Recipe
 from doorway3ds.lab.train.doornet.report import add_answers
 from doorway3ds.lab.train.engine import outcome
 from doorway3ds.lab.train.engine.backend import wants_half
-from doorway3ds.lab.train.engine.calibrate import platt, relative_depth_error
+from doorway3ds.lab.train.engine.calibrate import best_strips, platt, relative_depth_error
 from doorway3ds.lab.train.engine.loop import Row
 from doorway3ds.lab.train.engine.training import Run, Training
 from doorway3ds.lab.train.options import DoornetOptions
@@ -149,11 +149,7 @@ def calibrate(answers: Sequence[dict[str, Any]]) -> tuple[Calibration, dict[str,
     )
     # a strip's score is read at the best strip: is there an opening in that place?
     rooms = [a for a in told if a["sample"].source != "doors"] or told
-    best = [int(np.argmax(a["score"])) for a in rooms]
-    score = platt(
-        np.array([a["score"][k] for a, k in zip(rooms, best, strict=True)]),
-        np.array([a["target"].score[k] > 0.5 for a, k in zip(rooms, best, strict=True)]),
-    )
+    score = platt(*best_strips((a["score"], a["target"].score) for a in rooms))
     # rendered depth is no camera's
     photographs = [a for a in answers if a["sample"].source != "rendered"] or answers
     measured = [a for a in photographs if a["target"].depth_weight == 1 and a["target"].depth.any()]

@@ -6,7 +6,7 @@ method with his smoothed targets, so that a separable set gives finite scales.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -49,6 +49,18 @@ def platt(
         kept = list(platt(np.delete(logits, worst, axis=1), labels, weights, steps))
         return (*kept[:worst], 0.0, *kept[worst:])
     return (*(float(max(scale, 0.0)) for scale in found[:-1]), float(found[-1]))
+
+
+def best_strips(pairs: Iterable[tuple[Array, Array]]) -> tuple[Array, NDArray[np.int64]]:
+    """Each picture's highest score, and 1 if an opening is in that strip, else 0.
+
+    pairs: (N,) logits of a picture's strips with the share of each that is inside an opening.
+    """
+    found = []
+    for score, truth in pairs:
+        best = int(np.argmax(score))
+        found.append((score[best], truth[best] > 0.5))
+    return np.array([s for s, _ in found]), np.array([t for _, t in found], int)
 
 
 def relative_depth_error(predicted: Sequence[Array], true: Sequence[Array]) -> float:

@@ -76,8 +76,8 @@ def _inner(layer: str, scope: str) -> str:
     return scope.removeprefix(f"{layer}/").replace("/", "_")
 
 
-def assign(model: Any, layers: Mapping[str, list[NDArray[np.float32]]], path: Path) -> int:
-    """Gives each layer of a Keras model that has weights those of its name; counts parameters.
+def assign(model: Any, layers: Mapping[str, list[NDArray[np.float32]]], path: Path) -> None:
+    """Gives each layer of a Keras model that has weights those of its name.
 
     Raises UserError naming the first layer that is missing or of another shape.
     """
@@ -102,7 +102,6 @@ def assign(model: Any, layers: Mapping[str, list[NDArray[np.float32]]], path: Pa
         fitting.append((layer, layers[layer.name]))
     for layer, arrays in fitting:
         layer.set_weights(arrays)
-    return sum(a.size for _, arrays in fitting for a in arrays)
 
 
 def _shapes(shapes: Iterable[tuple[int, ...]]) -> str:

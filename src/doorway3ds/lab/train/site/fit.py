@@ -25,7 +25,7 @@ from doorway3ds.lab.train.doornet.fit import FitConfig, Held, Stage, fit
 from doorway3ds.lab.train.doornet.losses import LossWeights, all_losses
 from doorway3ds.lab.train.doornet.model import DoorNet, is_batch_norm
 from doorway3ds.lab.train.engine.backend import device_of
-from doorway3ds.lab.train.engine.calibrate import platt
+from doorway3ds.lab.train.engine.calibrate import best_strips, platt
 from doorway3ds.lab.train.engine.loop import Row
 from doorway3ds.lab.train.engine.training import Run
 from doorway3ds.lab.train.options import TuneOptions
@@ -208,10 +208,8 @@ def _calibrate(before: Calibration, outlook: _Outlook) -> tuple[Calibration, tup
         fitted.append("p_open")
     # a strip's score speaks of a place in the picture: only marked openings can tell
     marked = [(o["score"], t["score"]) for s, o, t in told if s.spans or s.open == 0]
-    best = [int(np.argmax(score)) for score, _ in marked]
-    labels = np.array([truth[k] > 0.5 for (_, truth), k in zip(marked, best, strict=True)], int)
+    logits, labels = best_strips(marked)
     if _enough(labels):
-        logits = np.array([score[k] for (score, _), k in zip(marked, best, strict=True)])
         scale, shift = platt(logits, labels)
         found = replace(found, score_scale=scale, score_shift=shift)
         fitted.append("score")
