@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import contextlib
-import csv
 import hashlib
-import io
 import json
 import os
 import threading
 from collections.abc import Iterator, Mapping
+from itertools import chain
 from pathlib import Path
 
 from doorway3ds.errors import UserError
 from doorway3ds.files import write_bytes
-from doorway3ds.lab.datasets.csvfile import Row, csv_columns, csv_rows
+from doorway3ds.lab.datasets.csvfile import Row, csv_bytes, csv_columns, csv_rows
 from doorway3ds.web.label.marks import COLUMNS, NEEDED, Marks, from_rows, to_rows
 
 NAME = "doorways.csv"
@@ -75,7 +74,7 @@ class Table:
             if in_order:
                 rows = dict(sorted(rows.items()))
             columns = [*self._columns, *(c for c in COLUMNS if c not in self._columns)]
-            write_bytes(self.path, _to_csv(columns, rows))
+            write_bytes(self.path, csv_bytes(columns, chain(*rows.values())))
             self._columns, self._rows, self._seen = columns, rows, _signature(self.path)
             if marks is None:
                 self._marks.pop(name, None)
@@ -120,15 +119,6 @@ def _signature(path: Path) -> tuple[int, ...] | None:
     except OSError as error:
         raise UserError(f"cannot read {path}: {error.strerror}") from error
     return found.st_mtime_ns, found.st_size, found.st_ino
-
-
-def _to_csv(columns: list[str], rows: Mapping[str, list[Row]]) -> bytes:
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
-    writer.writeheader()
-    for of_picture in rows.values():
-        writer.writerows(of_picture)
-    return text.getvalue().encode()
 
 
 @contextlib.contextmanager

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -15,6 +13,7 @@ import numpy as np
 
 from doorway3ds.errors import UserError
 from doorway3ds.files import digest, read_text, write_bytes
+from doorway3ds.lab.datasets.csvfile import csv_bytes
 from doorway3ds.lab.datasets.readers import guess_layout
 from doorway3ds.lab.datasets.samples import place_folds
 from doorway3ds.lab.evaluate.report.html import Report
@@ -313,12 +312,10 @@ def halves_of(held: Sequence[Sample]) -> dict[tuple[str, str], int]:
 
 def write_held(path: Path, held: Sequence[Sample], halves: Mapping[tuple[str, str], int]) -> None:
     """Which pictures training has not seen, for `3ds eval overview`."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("source", "image", "place", "half"))
-    writer.writerows((s.source, s.name, s.place, halves[s.source, s.place]) for s in held)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_bytes(path, text.getvalue().encode())
+    columns = ("source", "image", "place", "half")
+    values = ((s.source, s.name, s.place, halves[s.source, s.place]) for s in held)
+    rows = (dict(zip(columns, own, strict=True)) for own in values)
+    write_bytes(path, csv_bytes(columns, rows))
 
 
 def load_weights(net: DoorNet, path: Path) -> None:

@@ -6,8 +6,6 @@ pictures, their augmentation and dropout follow from seed, epoch and step alone.
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import signal
 import threading
@@ -21,6 +19,7 @@ import numpy as np
 
 from doorway3ds.errors import UserError
 from doorway3ds.files import write_bytes
+from doorway3ds.lab.datasets.csvfile import csv_bytes
 from doorway3ds.lab.train.engine import checkpoint
 from doorway3ds.lab.train.engine.average import Average
 from doorway3ds.lab.train.engine.backend import ALONE, Team, device_of
@@ -321,11 +320,7 @@ class Loop:
         checkpoint.save(self.checkpoint, arrays, told)
         if state.history:
             names = list(dict.fromkeys(name for row in state.history for name in row))
-            text = io.StringIO()
-            writer = csv.DictWriter(text, names, lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(state.history)
-            write_bytes(self.log, text.getvalue().encode())
+            write_bytes(self.log, csv_bytes(names, state.history))
 
     def _restore(self) -> _Run:
         arrays, state = checkpoint.load(self.checkpoint)
