@@ -25,7 +25,7 @@ def write_batch_report(folder: Path, sources: list[str], facts: dict[str, str]) 
 
     sources: where the images of the contact sheet are read again.
 
-    Raises UserError if the folder holds no rows, cannot be written, or matplotlib is missing.
+    Raises UserError if the folder holds no rows or cannot be written.
     """
     by_folder = counts(folder)
     images = str(sum(c["images"] for c in by_folder.values()))

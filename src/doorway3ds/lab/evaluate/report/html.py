@@ -8,6 +8,7 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -17,19 +18,6 @@ from numpy.typing import NDArray
 
 from doorway3ds.files import write_bytes
 from doorway3ds.lab.evaluate.intervals import Interval, plain
-
-_STYLE = """
-:root { color-scheme: light dark; --rule: #8886; --soft: #8882; }
-body { font: 15px/1.5 system-ui, sans-serif; max-width: 68rem; margin: 2rem auto; padding: 0 1rem }
-h1 { font-size: 1.5rem } h2 { font-size: 1.1rem; margin-top: 2.2rem }
-table { border-collapse: collapse } td, th { padding: .3rem .9rem .3rem 0; text-align: left;
- border-bottom: 1px solid var(--rule); vertical-align: top }
-td.number { font-variant-numeric: tabular-nums; white-space: nowrap }
-small, .about { opacity: .7; font-size: .85em } img { max-width: 100% }
-.plots { display: grid; grid-template-columns: repeat(auto-fit, minmax(24rem, 1fr)); gap: 1rem }
-.plots img { background: white } .scroll { overflow-x: auto }
-code { background: var(--soft); padding: .1rem .3rem; white-space: pre-wrap }
-"""
 
 
 @dataclass(frozen=True)
@@ -106,11 +94,14 @@ def write_json(path: Path, data: Mapping[str, Any]) -> None:
 def render(report: Report) -> str:
     """The page; pictures are inside it, so that it can be sent on alone."""
     text = html.escape
+    style = (
+        files("doorway3ds.lab.evaluate.report").joinpath("report.css").read_text(encoding="utf-8")
+    )
     parts = [
         "<!doctype html>",
         '<html lang="en"><head><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        f"<title>{text(report.title)}</title><style>{_STYLE}</style></head><body>",
+        f"<title>{text(report.title)}</title><style>{style}</style></head><body>",
         f"<h1>{text(report.title)}</h1><table>",
     ]
     parts += [

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from doorway3ds.errors import UserError
 from doorway3ds.lab.evaluate import metrics
 from doorway3ds.lab.evaluate.classifier import ClassifierMetrics, ClassifierRecord
 from doorway3ds.lab.evaluate.depth import DepthRecord
@@ -106,12 +105,8 @@ def figure(
 
     width, height: inches. kind: of file.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise UserError(
-            "a report needs matplotlib; install it with: pip install 'doorway3ds[report]'"
-        ) from error
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(width, height), dpi=130, layout="constrained")
     axes = figure.add_subplot()
     axes.spines[["top", "right"]].set_visible(False)

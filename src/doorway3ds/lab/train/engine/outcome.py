@@ -7,11 +7,10 @@ import hashlib
 import json
 import platform
 from collections.abc import Mapping, Sequence
-from importlib.util import find_spec
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from doorway3ds.errors import UserError
 from doorway3ds.files import digest
 from doorway3ds.lab.evaluate.intervals import plain
 from doorway3ds.lab.evaluate.report import plots
@@ -23,11 +22,8 @@ _LISTED = 6  # entries of a long list that a report's facts show
 
 
 def require_plots() -> None:
-    """UserError, before hours of training, where the report could not be drawn at its end."""
-    if find_spec("matplotlib") is None:
-        raise UserError(
-            "the report needs matplotlib; install it with: pip install 'doorway3ds[report]'"
-        )
+    """ModuleNotFoundError, before hours of training, if its report could not be drawn."""
+    import_module("matplotlib")
 
 
 def identity(*parts: Any) -> str:
