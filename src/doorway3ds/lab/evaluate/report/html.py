@@ -95,7 +95,7 @@ def render(report: Report) -> str:
     """The page; pictures are inside it, so that it can be sent on alone."""
     text = html.escape
     style = (
-        files("doorway3ds.lab.evaluate.report").joinpath("report.css").read_text(encoding="utf-8")
+        files("doorway3ds.lab.evaluate").joinpath("report/report.css").read_text("utf-8")
     )
     parts = [
         "<!doctype html>",
