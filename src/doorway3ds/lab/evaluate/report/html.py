@@ -94,9 +94,7 @@ def write_json(path: Path, data: Mapping[str, Any]) -> None:
 def render(report: Report) -> str:
     """The page; pictures are inside it, so that it can be sent on alone."""
     text = html.escape
-    style = (
-        files("doorway3ds.lab.evaluate").joinpath("report/report.css").read_text("utf-8")
-    )
+    style = files("doorway3ds.lab.evaluate").joinpath("report/report.css").read_text("utf-8")
     parts = [
         "<!doctype html>",
         '<html lang="en"><head><meta charset="utf-8">',
