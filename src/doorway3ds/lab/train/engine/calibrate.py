@@ -51,7 +51,7 @@ def platt(
     return (*(float(max(scale, 0.0)) for scale in found[:-1]), float(found[-1]))
 
 
-def best_strips(pairs: Iterable[tuple[Array, Array]]) -> tuple[Array, NDArray[np.int64]]:
+def best_strips(pairs: Iterable[tuple[Array, Array]]) -> tuple[Array, Array]:
     """Each picture's highest score, and 1 if an opening is in that strip, else 0.
 
     pairs: (N,) logits of a picture's strips with the share of each that is inside an opening.
@@ -60,7 +60,7 @@ def best_strips(pairs: Iterable[tuple[Array, Array]]) -> tuple[Array, NDArray[np
     for score, truth in pairs:
         best = int(np.argmax(score))
         found.append((score[best], truth[best] > 0.5))
-    return np.array([s for s, _ in found]), np.array([t for _, t in found], int)
+    return np.array([s for s, _ in found]), np.array([t for _, t in found], float)
 
 
 def relative_depth_error(predicted: Sequence[Array], true: Sequence[Array]) -> float:
