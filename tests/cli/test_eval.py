@@ -191,7 +191,7 @@ def test_a_camera_is_for_photographs_without_one(nyu, tmp_path, capsys):
         ("--layout jpeg", 2, "expected a layout"),
         ("--answers missing.jsonl", 1, "cannot read missing.jsonl"),
         ("--answers a --network b", 2, "leave the network's options out"),
-        ("--images missing.txt", 1, "cannot read the list"),
+        ("--images missing.txt", 1, "cannot read missing.txt"),
         ("--network none --method opening", 2, "opening columns"),
     ],
 )
