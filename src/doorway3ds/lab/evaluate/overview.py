@@ -80,32 +80,24 @@ class Row:
 
 def source_of(dataset: Dataset) -> str:
     """What training calls the pictures of a folder."""
-    if dataset.layout == "plain":
+    if dataset.layout in ("plain", "folders"):
         return dataset.path.resolve().name
     return "doors" if dataset.layout == "boxes" else dataset.layout
 
 
-@dataclass(frozen=True)
-class HeldOut:
-    """What `held-out.csv` says of one source: place of each picture, half of each place."""
-
-    places: dict[str, str] = field(default_factory=dict)
-    halves: dict[str, int] = field(default_factory=dict)
-
-
-def read_held(path: Path) -> dict[str, HeldOut]:
-    """The pictures that a training kept to itself, by source."""
-    found: dict[str, HeldOut] = {}
+def read_held(path: Path) -> dict[str, dict[str, tuple[str, int]]]:
+    """The pictures that a training kept to itself, by source: place, and half of the places."""
+    found: dict[str, dict[str, tuple[str, int]]] = {}
     for where, row in csv_rows(path, ("source", "image", "place", "half")):
         if row["half"] not in ("1", "2"):
             raise UserError(f"{where}: expected half 1 or 2, got '{row['half']}'")
-        own = found.setdefault(row["source"], HeldOut())
-        own.places[row["image"]] = row["place"]
-        own.halves[row["place"]] = int(row["half"])
+        found.setdefault(row["source"], {})[row["image"]] = row["place"], int(row["half"])
     return found
 
 
-def held_sets(folders: Sequence[Path], held: Mapping[str, HeldOut]) -> list[HeldSet]:
+def held_sets(
+    folders: Sequence[Path], held: Mapping[str, Mapping[str, tuple[str, int]]]
+) -> list[HeldSet]:
     """The held-out pictures of each folder; of rendered ones also those of a low camera.
 
     Raises UserError where a folder holds none.
@@ -113,13 +105,12 @@ def held_sets(folders: Sequence[Path], held: Mapping[str, HeldOut]) -> list[Held
     found = []
     for folder in folders:
         dataset = read_dataset(folder)
-        told = held.get(source_of(dataset), HeldOut())
-        places = told.places
-        own = tuple(replace(s, place=places[s.name]) for s in dataset.samples if s.name in places)
+        told = held.get(source_of(dataset), {})
+        own = tuple(replace(s, place=told[s.name][0]) for s in dataset.samples if s.name in told)
         if not own:
             raise UserError(f"none of the held-out images is in {folder}")
         name = folder.resolve().name
-        found.append(HeldSet(name, own, dataset.layout == "boxes", told.halves))
+        found.append(HeldSet(name, own, dataset.layout == "boxes", dict(told.values())))
         low = tuple(s for s in own if (s.pose.height_m or math.inf) < ROBOT_LOW_M)
         if low and len(low) < len(own):
             title = f"{name}, camera below {ROBOT_LOW_M} m"

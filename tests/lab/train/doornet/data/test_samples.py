@@ -10,13 +10,14 @@ import pytest
 
 from doorway3ds.lab.datasets.readers import read_dataset
 from doorway3ds.lab.datasets.samples import load_frame
+from doorway3ds.lab.evaluate.overview import source_of
 from doorway3ds.lab.train.doornet.data.samples import (
     UNKNOWN,
     cluster_places,
     from_frame,
     read_samples,
 )
-from tests.factories import write_site
+from tests.factories import classes, write_site
 
 
 def test_nyu_is_cut_scaled_and_labelled(nyu: Path) -> None:
@@ -51,9 +52,12 @@ def test_rendered_depth_ends_at_ten_metres_and_what_is_glimpsed_counts_nothing(
 
 def test_any_layout_is_told_by_its_files(rendered: Path, nyu: Path, tmp_path: Path) -> None:
     site = write_site(tmp_path / "site", marked=False, rooms=2, each=2)
-    for folder, sources in ((rendered, {"rendered"}), (nyu, {"nyu"}), (site, {"site"})):
+    sorted_ = classes(tmp_path / "sorted", 2)
+    told = ((rendered, "rendered"), (nyu, "nyu"), (site, "site"), (sorted_, "sorted"))
+    for folder, source in told:
         samples = read_samples(folder)
-        assert {s.source for s in samples} == sources
+        assert {s.source for s in samples} == {source}
+        assert source_of(read_dataset(folder)) == source
         assert {s.open for s in samples} == {0, 1}
 
 

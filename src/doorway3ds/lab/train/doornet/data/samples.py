@@ -25,6 +25,7 @@ from doorway3ds.lab.datasets.samples import (
     load_labels,
 )
 from doorway3ds.lab.datasets.samples import Sample as Marked
+from doorway3ds.lab.evaluate.overview import source_of
 from doorway3ds.types import Frame
 
 # Labels 0..5 of SEGMENTS (other, wall, floor, door, window, ceiling); 255 = unknown
@@ -103,7 +104,7 @@ def read_samples(folder: Path, *, closed_weight: float = 1.0) -> list[Sample]:
         "nyu": lambda one: replace(_with_maps(one, "nyu", LONGER), place=f"nyu-{one.place}"),
         "rendered": _rendered,
         "boxes": lambda one: _door(one, closed_weight),
-        "folders": lambda one: from_frame(one, load_frame(one), folder.name),
+        "folders": lambda one: from_frame(one, load_frame(one), source_of(dataset)),
     }
     return [read[dataset.layout](marked) for marked in dataset.samples]
 
@@ -161,7 +162,7 @@ def _by_hand(dataset: Dataset) -> list[Sample]:
 
     Raises UserError where a picture cannot be read or is not of the folder's camera.
     """
-    name = dataset.path.resolve().name
+    name = source_of(dataset)
     samples, hashes = [], []
     for marked in dataset.samples:
         frame = load_frame(marked)
