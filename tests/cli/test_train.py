@@ -57,7 +57,7 @@ def test_cnn_srin_from_two_folders_to_look(cli: Cli, tmp_path: Path) -> None:
         assert [row["epoch"] for row in csv.DictReader(file)] == ["1", "2"]
     assert Path("run/fine-tune-after-2.csv").is_file()
     page = Path("run/report.html").read_text()
-    for words in ("Confusion matrix", "ROC", "Calibration", "bad.jpg"):
+    for words in ("open, called not open", "ROC", "Calibration", "bad.jpg"):
         assert words in page
     for name in ("roc", "reliability", "curve-loss", "curve-accuracy"):
         assert Path(f"run/{name}.png").read_bytes().startswith(b"\x89PNG")
