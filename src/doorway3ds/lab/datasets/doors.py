@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.errors import UserError
+from doorway3ds.files import digest
 from doorway3ds.lab.datasets import places as groups
 from doorway3ds.lab.datasets.csvfile import csv_columns, csv_rows
 from doorway3ds.lab.datasets.places import ALL, Choice, Pictures, Seen, unseen
@@ -93,8 +93,7 @@ _Read = tuple[str, NDArray[np.bool_]]  # a file's digest, and its perceptual has
 
 def _read(sample: Sample) -> _Read:
     image = load_frame(sample).image
-    digest = hashlib.sha256(sample.image_path.read_bytes()).hexdigest()
-    return digest, groups.perceptual_hash(image)
+    return digest(sample.image_path), groups.perceptual_hash(image)
 
 
 def _once_each(

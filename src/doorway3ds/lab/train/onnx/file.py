@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from doorway3ds.errors import UserError
+from doorway3ds.files import whole
 
 # largest difference allowed, relative to each output's largest value; 16-bit weights are rounded
 BOUND, HALF_BOUND = 1e-3, 0.05
@@ -57,10 +58,8 @@ def export(
 
     wrapped = Exported().eval()
     device = model.weights[0].value.device
-    temporary = path.with_name(f".{path.name}.part")
     bound = HALF_BOUND if half else BOUND
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with whole(path) as temporary:
         example = torch.rand(1, *shapes[0], device=device) * scale
         trace(wrapped, example, str(temporary), outputs, axes)
         # Gemm would hide which weights are a layer's: `doornet.restore` reads MatMul and Add
@@ -77,11 +76,6 @@ def export(
                 f"ONNX Runtime and Keras differ by {difference:.1e} of the largest output, "
                 f"at most {bound:g} is accepted; nothing was written"
             )
-        temporary.replace(path)
-    except OSError as error:
-        raise UserError(f"cannot write {path}: {error.strerror or error}") from error
-    finally:
-        temporary.unlink(missing_ok=True)
     return difference
 
 
