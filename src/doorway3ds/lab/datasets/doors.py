@@ -84,7 +84,7 @@ def check_pictures(
     kept = groups.group(
         [sample for sample, _ in found], [code for _, (_, code) in found], places_known, choice
     )
-    digests = tuple(digest for _, (digest, _) in found)
+    digests = tuple(content for _, (content, _) in found)
     return DoorPictures(*kept, left_out | unreadable | doubled, digests)
 
 
@@ -102,8 +102,8 @@ def _once_each(
     """The first of files that are the same, none of them in two classes; why not the others."""
     first: dict[str, Sample] = {}
     left_out: dict[str, str] = {}
-    for sample, (digest, _) in read:
-        twin = first.setdefault(digest, sample)
+    for sample, (content, _) in read:
+        twin = first.setdefault(content, sample)
         if twin is sample:
             continue
         left_out[sample.name] = f"the same file as {twin.name}"
