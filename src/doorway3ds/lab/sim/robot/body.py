@@ -360,9 +360,8 @@ class Body:
         return moved((0.0, 0.0, height)) @ about((0.0, 1.0, 0.0), pitch)
 
     def camera(self, width: int, height: int, part: str = "CameraTop") -> Camera:
-        name = {"nao": "nao-v5-top", "pepper": "pepper-top"}[self.model.name]
         depth = self.model.depth_fov_deg if part == "CameraDepth" else None
-        return Camera.from_fov(width, height, *(depth or self.model.fov_deg), name)
+        return Camera.from_fov(width, height, *(depth or self.model.fov_deg), self.model.preset)
 
 
 def _along(start: Place, by: Place, share: float, arc: bool) -> Place:

@@ -14,6 +14,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from doorway3ds.camera.model import wrapped_deg
+from doorway3ds.lab.sim.robot.model import Model
 from doorway3ds.lab.sim.robot.nao.quiet import HEARD
 from doorway3ds.lab.sim.robot.nao.service import Service
 
@@ -21,47 +22,16 @@ if TYPE_CHECKING:
     from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
 
 _TYPES = {bool: "Bool", int: "Int", float: "Float", str: "String", list: "Array", bytes: "Binary"}
-_TOUCHES = {
-    "FrontTactilTouched": ("Head/Touch/Front",),
-    "MiddleTactilTouched": ("Head/Touch/Middle",),
-    "RearTactilTouched": ("Head/Touch/Rear",),
-    "ChestButtonPressed": ("ChestBoard/Button",),
-    "HandLeftBackTouched": ("LHand/Touch/Back",),
-    "HandRightBackTouched": ("RHand/Touch/Back",),
-}
-_OWN_TOUCHES: dict[str, dict[str, tuple[str, ...]]] = {
-    "nao": {
-        "LeftBumperPressed": ("LFoot/Bumper/Left", "LFoot/Bumper/Right"),
-        "RightBumperPressed": ("RFoot/Bumper/Left", "RFoot/Bumper/Right"),
-        **{
-            f"Hand{side}{where}Touched": (f"{side[0]}Hand/Touch/{where}",)
-            for side in ("Left", "Right")
-            for where in ("Left", "Right")
-        },
-    },
-    "pepper": {
-        "LeftBumperPressed": ("Platform/FrontLeft/Bumper",),
-        "RightBumperPressed": ("Platform/FrontRight/Bumper",),
-        "BackBumperPressed": ("Platform/Back/Bumper",),
-    },
-}
-
-SONAR_M = {"nao": (0.20, 2.55), "pepper": (0.30, 5.0)}
 _G = 9.81
 
 
-def touches(model: str) -> dict[str, tuple[str, ...]]:
-    """A robot's events of touch, and the sensors that raise them."""
-    return {**_TOUCHES, **_OWN_TOUCHES[model]}
-
-
-def touch_sensors(model: str) -> list[str]:
-    return [part for group in touches(model).values() for part in group]
+def touch_sensors(model: Model) -> list[str]:
+    return [part for group in model.touches.values() for part in group]
 
 
 def sonar(nao: VirtualNao, name: str) -> float:
     """Metres, within what the robot's sonars can tell."""
-    least, most = SONAR_M[nao.body.model.name]
+    least, most = nao.body.model.sonar_m
     return max(least, nao.body.sonar(nao.body.model.sonars[name], most))
 
 
@@ -86,7 +56,7 @@ def devices(nao: VirtualNao) -> dict[str, Callable[[], Any]]:
                 out[f"{base}US/{name}/Sensor/Value{echo}"] = lambda: 0.0
         else:
             out[f"{base}Platform/{name}/Sonar/Sensor/Value"] = partial(sonar, nao, name)
-    for part in touch_sensors(body.model.name):
+    for part in touch_sensors(body.model):
         out[f"{base}{part}/Sensor/Value"] = partial(nao.touched.get, part, 0.0)
     out[f"{base}Battery/Charge/Sensor/Value"] = lambda: nao.charge() / 100
     out[f"{base}Battery/Charge/Sensor/TotalVoltage"] = lambda: 21.6 + 3.6 * nao.charge() / 100
@@ -143,11 +113,11 @@ class Memory(Service):
             "RightBumperPressed": 0.0,
             "FaceDetected": [],
             **HEARD,
-            "RobotConfig/Body/Type": {"nao": "nao", "pepper": "juliette"}[nao.body.model.name],
+            "RobotConfig/Body/Type": nao.body.model.kind,
         }
         self._stamps: dict[str, float] = {}
         self._devices = devices(nao)
-        self._touches = touches(nao.body.model.name)
+        self._touches = nao.body.model.touches
         self._events: set[str] = set()
         self._micro: set[str] = set()
         self._signals: dict[str, Any] = {}

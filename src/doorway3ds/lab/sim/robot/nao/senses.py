@@ -59,7 +59,7 @@ class Touch(Service):
     """ALTouch."""
 
     def getSensorList(self) -> list[str]:
-        return touch_sensors(self._nao.body.model.name)
+        return touch_sensors(self._nao.body.model)
 
     def getStatus(self) -> list[list[Any]]:
         """[[sensor, touched], ...], as the event TouchChanged has it."""

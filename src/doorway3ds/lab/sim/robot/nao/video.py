@@ -242,7 +242,7 @@ class Video(Service):
         return CAMERAS[camera] if self._has(camera) else ""
 
     def getCameraModel(self, camera: int) -> int:
-        return {"nao": 2, "pepper": 3}[self._nao.body.model.name] if camera != DEPTH else 4
+        return self._nao.body.model.camera_model if camera != DEPTH else 4
 
     def getHorizontalFOV(self, camera: int) -> float:
         return self._fov(camera)[0]

@@ -15,27 +15,6 @@ if TYPE_CHECKING:
     from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
 
 _ON_S = 60.0  # a walk without an end goes on until it is stopped; nobody lets it go on for longer
-_GAIT = {  # name: least, default, most
-    "nao": {
-        "MaxStepX": (0.001, 0.04, 0.08),
-        "MaxStepY": (0.101, 0.14, 0.16),
-        "MaxStepTheta": (0.001, 0.349, 0.524),
-        "MaxStepFrequency": (0.0, 1.0, 1.0),
-        "StepHeight": (0.005, 0.02, 0.04),
-        "TorsoWx": (-0.122, 0.0, 0.122),
-        "TorsoWy": (-0.122, 0.0, 0.122),
-    },
-    "pepper": {
-        "MaxVelXY": (0.1, 0.35, 0.55),
-        "MaxVelTheta": (0.2, 1.0, 2.0),
-        "MaxAccXY": (0.1, 0.3, 0.55),
-        "MaxAccTheta": (0.1, 0.75, 3.0),
-        "MaxJerkXY": (0.2, 1.0, 5.0),
-        "MaxJerkTheta": (0.2, 2.0, 50.0),
-        "TorsoWx": (-0.122, 0.0, 0.122),
-        "TorsoWy": (-0.122, 0.0, 0.122),
-    },
-}
 
 
 class Walk(Service):
@@ -136,7 +115,7 @@ class Walk(Service):
         """[[name, value], ...] for "Min", "Default" or "Max"."""
         kinds = ("Min", "Default", "Max")
         which = kinds.index(self._one("getMoveConfig", kind, kinds))
-        return [[name, v[which]] for name, v in _GAIT[self._nao.body.model.name].items()]
+        return [[name, v[which]] for name, v in self._nao.body.model.gait.items()]
 
     getFootGaitConfig = getMoveConfig
 
@@ -175,7 +154,7 @@ class Walk(Service):
 
     def _speed(self, config: Any) -> tuple[float, float]:
         """Factors on walking and turning by a config of [name, value] pairs."""
-        known = _GAIT[self._nao.body.model.name]
+        known = self._nao.body.model.gait
         share = {}
         for pair in config:
             if not isinstance(pair, list | tuple) or len(pair) != 2 or pair[0] not in known:
