@@ -8,16 +8,13 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
-from doorway3ds.lab.sim.robot.nao.service import Quiet, Service
+from doorway3ds.lab.sim.robot.nao.service import Service
 
 if TYPE_CHECKING:
     from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
 
 
-class AutonomousLife(
-    Service,
-    quiet=Quiet({"RobotOffsetFromFloor": 0.0, "SafeguardEnabled": True}),
-):
+class AutonomousLife(Service, name="ALAutonomousLife"):
     """ALAutonomousLife: disabled when the robot starts."""
 
     _STATES = ("solitary", "interactive", "disabled", "safeguard")
@@ -80,46 +77,7 @@ class AutonomousLife(
         return int(time.time()) - self._history[0][1]
 
 
-_AWARENESS: dict[str, Any] = {
-    "LookStimulusSpeed": 0.5,
-    "LookBackSpeed": 0.5,
-    "NobodyFoundTimeOut": 1.0,
-    "MinTimeTracking": 4.0,
-    "TimeSleepBeforeResumeMS": 2000,
-    "TimeOutResetHead": 5.0,
-    "AmplitudeYawTracking": 30.0,
-    "PeoplePerceptionPeriod": 100,
-    "SlowPeoplePerceptionPeriod": 1000,
-    "HeadThreshold": 1.0,
-    "BodyRotationThreshold": 26.0,
-    "BodyRotationThresholdNao": 26.0,
-    "MoveDistanceX": 0.3,
-    "MoveDistanceY": 0.2,
-    "MoveThresholdX": 0.1,
-    "MoveThresholdY": 0.1,
-    "MoveThresholdTheta": 26.0,
-    "MoveSpeed": 0.6,
-    "MaxDistanceFullyEngaged": 2.5,
-    "MaxDistanceNotFullyEngaged": 3.5,
-    "MaxHumanSearchTime": 3.0,
-    "DeltaPitchComfortZone": 0.06,
-}
-
-
-class BasicAwareness(
-    Service,
-    quiet=Quiet(
-        {
-            "EngagementMode": ("Unengaged", "FullyEngaged", "SemiEngaged"),
-            "TrackingMode": ("Head", "BodyRotation", "WholeBody", "MoveContextually"),
-            "StimulusDetectionEnabled": dict.fromkeys(
-                ("Sound", "Movement", "People", "Touch", "NavigationMotion"), True
-            ),
-            "Parameter": _AWARENESS,
-        },
-        {"engagePerson": False, "triggerStimulus": -1},  # nobody is in view
-    ),
-):
+class BasicAwareness(Service, name="ALBasicAwareness"):
     """ALBasicAwareness."""
 
     def __init__(self, nao: VirtualNao) -> None:
@@ -167,17 +125,7 @@ _ANIMATIONS = (
 )
 
 
-class BehaviorManager(
-    Service,
-    quiet=Quiet(
-        answers={
-            "getUserBehaviorNames": [],
-            "getBehaviorTags": [],
-            "getTagList": [],
-            "getBehaviorNature": "no nature",
-        }
-    ),
-):
+class BehaviorManager(Service, name="ALBehaviorManager"):
     """ALBehaviorManager: the animations that each robot brings; they run and move nothing."""
 
     _TOOK_S = 1.0

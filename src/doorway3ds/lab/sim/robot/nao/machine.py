@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from doorway3ds.lab.sim.robot.nao.service import VERSION, Quiet, Service, asked
+from doorway3ds.lab.sim.robot.nao.service import VERSION, Service, asked
 from doorway3ds.lab.sim.robot.nao.video import CAMERAS, SIZES
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def _groups() -> dict[str, list[str]]:
     return groups
 
 
-class Leds(Service):
+class Leds(Service, name="ALLeds"):
     """ALLeds: colours are kept, fading takes its time."""
 
     def __init__(self, nao: VirtualNao) -> None:
@@ -157,15 +157,7 @@ def _colour(value: Any) -> Colour:
     return (rgb >> 16 & 255) / 255, (rgb >> 8 & 255) / 255, (rgb & 255) / 255
 
 
-class System(
-    Service,
-    quiet=Quiet(
-        {"setRobotName/robotName": lambda system: system._nao.body.model.name,
-         "setTimezone/timezone": "Etc/UTC"},
-        {"systemVersion": VERSION, "previousSystemVersion": VERSION,
-         "totalMemory": 1_000_000, "freeMemory": 600_000},  # kB, as free tells
-    ),
-):  # fmt: skip
+class System(Service, name="ALSystem"):
     """ALSystem."""
 
     def systemInfo(self) -> list[str]:
@@ -178,20 +170,7 @@ class System(
     shutdown = reboot
 
 
-class PhotoCapture(
-    Service,
-    quiet=Quiet(
-        {
-            "CameraID": 0,
-            "CaptureInterval": 200,
-            "ColorSpace": 11,
-            "HalfPressEnabled": False,
-            "PictureFormat": "jpg",
-            "Resolution": 2,
-        },
-        {"halfPress": 0, "isHalfPressed": False},
-    ),
-):
+class PhotoCapture(Service, name="ALPhotoCapture"):
     """ALPhotoCapture: images are written, and into a folder of this robot's own alone."""
 
     def takePicture(self, folder: str, name: str, overwrite: bool = True) -> list[str]:

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from doorway3ds.camera.model import wrapped_deg
 from doorway3ds.lab.sim.robot.model import Model
-from doorway3ds.lab.sim.robot.nao.quiet import HEARD
-from doorway3ds.lab.sim.robot.nao.service import Service
+from doorway3ds.lab.sim.robot.nao.service import HEARD, Service
 
 if TYPE_CHECKING:
     from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
@@ -101,7 +100,7 @@ def _weight(nao: VirtualNao, share: float) -> float:
     return 5.3 * share if standing and nao.memory.getData("footContact") else 0.0
 
 
-class Memory(Service):
+class Memory(Service, name="ALMemory"):
     """ALMemory."""
 
     def __init__(self, nao: VirtualNao) -> None:

@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from doorway3ds.lab.sim.robot.nao.quiet import EFFECTORS
-from doorway3ds.lab.sim.robot.nao.service import Quiet, Service, each, returns
+from doorway3ds.lab.sim.robot.nao.service import Service, each, returns
 from doorway3ds.lab.sim.robot.nao.walk import Walk
 
 _WAKE_S = 1.0
 
 
-class Motion(Walk, quiet=EFFECTORS):
+class Motion(Walk, name="ALMotion"):
     """ALMotion."""
 
     # Stiffness.
@@ -231,7 +230,7 @@ _FAMILIES = {
 }
 
 
-class Posture(Service, quiet=Quiet(does="setMaxTryNumber")):
+class Posture(Service, name="ALRobotPosture"):
     """ALRobotPosture."""
 
     def goToPosture(self, name: str, speed: float) -> bool:

@@ -15,44 +15,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.lab.sim.robot.body import Body
-from doorway3ds.lab.sim.robot.nao.life import AutonomousLife, BasicAwareness, BehaviorManager
-from doorway3ds.lab.sim.robot.nao.machine import Leds, PhotoCapture, System
+from doorway3ds.lab.sim.robot.nao import (  # noqa: F401  # their services declare themselves
+    life,
+    machine,
+    motion,
+    senses,
+    speech,
+    walk,
+)
 from doorway3ds.lab.sim.robot.nao.memory import Memory
-from doorway3ds.lab.sim.robot.nao.motion import Motion, Posture
-from doorway3ds.lab.sim.robot.nao.quiet import QUIET, TABLET
-from doorway3ds.lab.sim.robot.nao.senses import FaceDetection, Sonar, Touch, Tracker
-from doorway3ds.lab.sim.robot.nao.service import Service
-from doorway3ds.lab.sim.robot.nao.speech import AnimatedSpeech, Dialog, Speech
+from doorway3ds.lab.sim.robot.nao.service import services
 from doorway3ds.lab.sim.robot.nao.video import Video
-from doorway3ds.lab.sim.robot.nao.walk import Navigation
 
 Picture = Callable[[str, int, int], NDArray[np.uint8]]
 """Camera ("CameraTop", "CameraBottom"), width, height -> (H, W, 3) RGB."""
 Depth = Callable[[str, int, int], NDArray[np.float32]]
 """Camera ("CameraDepth"), width, height -> (H, W) metres."""
 
-SERVICES: dict[str, type[Service]] = {
-    **{name: quiet.service(name) for name, quiet in QUIET.items()},
-    "ALAnimatedSpeech": AnimatedSpeech,
-    "ALAutonomousLife": AutonomousLife,
-    "ALBasicAwareness": BasicAwareness,
-    "ALBehaviorManager": BehaviorManager,
-    "ALDialog": Dialog,
-    "ALFaceDetection": FaceDetection,
-    "ALLeds": Leds,
-    "ALMemory": Memory,
-    "ALMotion": Motion,
-    "ALNavigation": Navigation,
-    "ALPhotoCapture": PhotoCapture,
-    "ALRobotPosture": Posture,
-    "ALSonar": Sonar,
-    "ALSystem": System,
-    "ALTextToSpeech": Speech,
-    "ALTouch": Touch,
-    "ALTracker": Tracker,
-    "ALVideoDevice": Video,
-}
-_OF_PEPPER = {"ALTabletService": TABLET.service("ALTabletService")}
 _BEAT_S = 0.05
 _EMPTY_S = 5400.0
 _AHEAD_DEG = 15.0
@@ -102,8 +81,9 @@ class VirtualNao:
         self._feeling = threading.Lock()
         self._felt: float | None = None
         self._closing = threading.Event()
-        kinds = SERVICES | (_OF_PEPPER if self.body.model.name == "pepper" else {})
+        kinds = services(self.body.model.name)
         self.services: dict[str, Any] = {name: kind(self) for name, kind in kinds.items()}
+        self.services["ALSystem"].setRobotName(self.body.model.name)
         self.memory: Memory = self.services["ALMemory"]
         self.video: Video = self.services["ALVideoDevice"]
 

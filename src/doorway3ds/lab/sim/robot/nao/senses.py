@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from doorway3ds.lab.sim.robot.nao.memory import sonar, touch_sensors
-from doorway3ds.lab.sim.robot.nao.service import Extractor, Quiet, Service, asked
+from doorway3ds.lab.sim.robot.nao.service import Extractor, Service, asked
 
 if TYPE_CHECKING:
     from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 NEAR_M = 0.5
 
 
-class Sonar(Extractor):
+class Sonar(Extractor, name="ALSonar"):
     """ALSonar: distances in the simulated home, and events about what is nearer than half a metre.
 
     The events are raised while somebody subscribes.
@@ -55,7 +55,7 @@ class Sonar(Extractor):
                 self._nao.memory.raiseEvent(f"Sonar{name}{kind}", metres)
 
 
-class Touch(Service):
+class Touch(Service, name="ALTouch"):
     """ALTouch."""
 
     def getSensorList(self) -> list[str]:
@@ -67,19 +67,14 @@ class Touch(Service):
         return [[name, bool(touched.get(name))] for name in self.getSensorList()]
 
 
-class FaceDetection(
-    Extractor,
-    quiet=Quiet(
-        {
-            "RecognitionEnabled": True,
-            "enableRecognition/isRecognitionEnabled": True,
-            "TrackingEnabled": False,
-            "enableTracking/isTrackingEnabled": False,
-            "RecognitionConfidenceThreshold": 0.4,
-            "pause/isPaused": False,
-        },
-    ),
-):
+class Battery(Service, name="ALBattery"):
+    """ALBattery."""
+
+    def getBatteryCharge(self) -> int:
+        return int(self._nao.charge())
+
+
+class FaceDetection(Extractor, name="ALFaceDetection"):
     """ALFaceDetection: nobody is in view, unless somebody raises FaceDetected."""
 
     def __init__(self, nao: VirtualNao) -> None:
@@ -127,30 +122,7 @@ class FaceDetection(
     getMemoryKeyList = getOutputNames = getEventList
 
 
-_MODES = ("Head", "WholeBody", "Move", "Navigate")
-_TARGETS = ("RedBall", "Face", "LandMark", "LandMarks", "People", "Sound")
-
-
-class Tracker(
-    Service,
-    quiet=Quiet(
-        {
-            "Mode": _MODES,
-            "Effector": "None",
-            "RelativePosition": [],
-            "toggleSearch/isSearchEnabled": True,
-            "MaximumDistanceDetection": 3.0,
-            "TimeOut": 1000,
-        },
-        {
-            "getAvailableModes": list(_MODES),
-            "getSupportedTargets": list(_TARGETS),
-            "isTargetLost": True,
-            "isNewTargetDetected": False,
-            "getTargetPosition": [],
-        },
-    ),
-):
+class Tracker(Service, name="ALTracker"):
     """ALTracker: looks and points where it is told; no target is ever in view."""
 
     def __init__(self, nao: VirtualNao) -> None:
@@ -159,7 +131,9 @@ class Tracker(
         self._active = ""
 
     def registerTarget(self, target: str, parameters: Any) -> None:
-        self._targets[self._one("registerTarget", target, _TARGETS)] = parameters
+        self._targets[self._one("registerTarget", target, asked(self, "getSupportedTargets"))] = (
+            parameters
+        )
 
     def unregisterTarget(self, target: str) -> None:
         self._targets.pop(target, None)

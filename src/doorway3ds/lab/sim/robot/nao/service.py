@@ -5,13 +5,20 @@ from __future__ import annotations
 import inspect
 import types
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from importlib.resources import files
 from typing import TYPE_CHECKING, Any
+
+import yaml
 
 if TYPE_CHECKING:
     from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
 
-VERSION = "2.8.7.4"
+TABLE: dict[str, Any] = yaml.safe_load(
+    files(__package__).joinpath("services.yaml").read_text(encoding="utf-8")
+)
+HEARD: dict[str, Any] = TABLE.pop("memory")
+VERSION: str = TABLE["ALSystem"]["answers"]["systemVersion"]
+SERVICES: dict[str, type[Service]] = {}
 _WHOLE = (("Body",), ("All",))
 
 
@@ -41,108 +48,81 @@ def _any_number(name: str, method: Callable[..., Any]) -> Callable[..., Any]:
     return bound
 
 
-@dataclass(frozen=True)
-class Quiet:
-    """Calls without an effect, as a table.
-
-    keeps: name -> value until it is set, by `set` and the name; asked for by `get` and the name,
-        or `is` for a truth value. Arguments before the last, or those of the question, tell
-        several values of a name apart; "Body" and "All" stand for each of them. Another pair of
-        calls is named whole, as "mute/isMuted". A tuple holds all values that there may be, the
-        first one first; a mapping, a value for each first argument that there may be; a function
-        makes the value of the service.
-    answers: other calls -> what they answer; does: those that answer nothing.
-    extractor: whether modules subscribe to it.
-    """
-
-    keeps: Mapping[str, Any] = field(default_factory=dict)
-    answers: Mapping[str, Any] = field(default_factory=dict)
-    does: str = ""
-    extractor: bool = False
-
-    def calls(self) -> dict[str, Callable[..., Any]]:
-        """A function for each call."""
-        calls: dict[str, Callable[..., Any]] = {}
-        for kept, value in self.keeps.items():
-            one = next(iter(value.values())) if isinstance(value, Mapping) else value
-            ask = "is" if isinstance(one, bool) else "get"
-            setter, _, getter = (
-                kept.partition("/") if "/" in kept else (f"set{kept}", "", ask + kept)
-            )
-            calls |= {setter: _keep(setter, getter, value), getter: _kept(getter, value)}
-        answers = {**self.answers, **dict.fromkeys(self.does.split())}
-        return calls | {call: _answer(call, value) for call, value in answers.items()}
-
-    def service(self, name: str) -> type[Service]:
-        """The class of a service that is nothing else."""
-        bases = (Extractor if self.extractor else Service,)
-        return types.new_class(name, bases, {"quiet": self})
+def _named(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+    function.__name__ = name
+    return function
 
 
-def _keep(setter: str, getter: str, value: Any) -> Callable[..., bool]:
+def _pair(kept: str, value: Any, kind: str) -> dict[str, Callable[..., Any]]:
+    """The two calls of what a service keeps."""
+    one = value[0] if kind == "one_of" else next(iter(value.values())) if kind == "each" else value
+    ask = "is" if isinstance(one, bool) else "get"
+    setter, getter = kept.split("/") if "/" in kept else (f"set{kept}", ask + kept)
+
     def keep(self: Any, *given: Any) -> bool:
         if not given:
-            raise RuntimeError(f"{type(self).__name__}::{setter} expected a value")
-        if isinstance(value, tuple | Mapping):
+            raise RuntimeError(f"{self._name}::{setter} expected a value")
+        if kind != "keeps":
             self._one(setter, given[0], value)
         if given[:-1] in _WHOLE:
             self._unset(getter)
         self._set[getter, repr(given[:-1])] = given[-1]
         return True
 
-    keep.__name__ = setter
-    return keep
-
-
-def _kept(getter: str, value: Any) -> Callable[..., Any]:
-    def kept(self: Any, *given: Any) -> Any:
-        usual = value
-        if isinstance(value, Mapping):
+    def kept_value(self: Any, *given: Any) -> Any:
+        usual = one
+        if kind == "each":
             usual = value[self._one(getter, given[0] if given else None, value)]
-        elif isinstance(value, tuple):
-            usual = value[0]
-        elif callable(value):
-            usual = value(self)
         keys = ((getter, repr(of)) for of in (given, *_WHOLE))
         return next((self._set[key] for key in keys if key in self._set), usual)
 
-    kept.__name__ = getter
-    return kept
+    return {setter: _named(setter, keep), getter: _named(getter, kept_value)}
 
 
-def _answer(call: str, value: Any) -> Callable[..., Any]:
-    def answer(self: Any, *given: Any) -> Any:
-        return value(self) if callable(value) else value
-
-    answer.__name__ = call
-    return answer
-
-
-class _Bound:
-    """What qi binds: public methods, also with optional arguments, and those of a table."""
-
-    def __init_subclass__(cls, quiet: Quiet | None = None) -> None:
-        for name, call in (quiet.calls() if quiet else {}).items():
-            if name not in vars(cls):
-                setattr(cls, name, call)
-        for name, method in list(vars(cls).items()):
-            if not inspect.isfunction(method) or name.startswith("__"):
-                continue
-            if name.startswith("_"):
-                method.__qi_signature__ = "DONOTBIND"  # type: ignore[attr-defined]  # as qi.nobind
-                continue
-            if any(p.default is not p.empty for p in inspect.signature(method).parameters.values()):
-                setattr(cls, name, _any_number(name, method))
+def _calls(name: str) -> dict[str, Callable[..., Any]]:
+    """A function for each call that services.yaml lists of a service."""
+    about = TABLE.get(name, {})
+    calls = _calls(about["like"]) if "like" in about else {}
+    for kind in ("keeps", "one_of", "each"):
+        for kept, value in about.get(kind, {}).items():
+            calls |= _pair(kept, value, kind)
+    answers = {**about.get("answers", {}), **dict.fromkeys(about.get("does", "").split())}
+    return calls | {call: _named(call, _answer(value)) for call, value in answers.items()}
 
 
-class Service(_Bound):
+def _answer(value: Any) -> Callable[..., Any]:
+    return lambda self, *given: value
+
+
+def _bind(cls: type, calls: Mapping[str, Callable[..., Any]]) -> None:
+    """What qi binds: public methods, also with optional arguments, and those of the table."""
+    for name, call in calls.items():
+        if name not in vars(cls):
+            setattr(cls, name, call)
+    for name, method in list(vars(cls).items()):
+        if not inspect.isfunction(method) or name.startswith("__"):
+            continue
+        if name.startswith("_"):
+            method.__qi_signature__ = "DONOTBIND"  # type: ignore[attr-defined]  # as qi.nobind
+        elif any(p.default is not p.empty for p in inspect.signature(method).parameters.values()):
+            setattr(cls, name, _any_number(name, method))
+
+
+class Service:
     """Public methods are NAOqi's, by name. Those with optional arguments may be called without.
 
-    quiet: further calls, without an effect.
+    name: of the service, which also has the calls of services.yaml; it is then in SERVICES.
     """
+
+    _name = ""
 
     # Calls run at the same time: stopMove must not wait for moveTo.
     __qi_threading__ = "multi"
+
+    def __init_subclass__(cls, name: str = "") -> None:
+        _bind(cls, _calls(name))
+        if name:
+            cls._name, SERVICES[name] = name, cls
 
     def __init__(self, nao: VirtualNao) -> None:
         self._nao = nao
@@ -168,9 +148,12 @@ class Service(_Bound):
     def _one(self, call: str, value: Any, known: Collection[Any]) -> Any:
         """The value, refused if it is none of those known."""
         if value not in tuple(known):
-            name = next(name for name, one in self._nao.services.items() if one is self)
-            raise RuntimeError(f"{name}::{call} expected {', '.join(map(str, known))}, got {value}")
+            names = ", ".join(map(str, known))
+            raise RuntimeError(f"{self._name}::{call} expected {names}, got {value}")
         return value
+
+
+_bind(Service, {})
 
 
 class Extractor(Service):
@@ -212,6 +195,16 @@ class Extractor(Service):
 
     def getSubscribersInfo(self) -> list[list[Any]]:
         return [[name, *values] for name, values in self._subscribed.items()]
+
+
+def services(model: str) -> dict[str, type[Service]]:
+    """The class of each service of a robot; those that only the table knows are made here."""
+    for name, about in TABLE.items():
+        if name.startswith("AL") and name not in SERVICES:
+            bases = (Extractor if "like" in about else Service,)
+            types.new_class(name, bases, {"name": name})
+    only = {name: about["only"] for name, about in TABLE.items() if "only" in about}
+    return {name: kind for name, kind in SERVICES.items() if only.get(name, model) == model}
 
 
 def asked(service: Service, call: str, *given: Any) -> Any:

@@ -6,37 +6,22 @@ import re
 import threading
 from typing import TYPE_CHECKING, Any
 
-from doorway3ds.lab.sim.robot.nao.service import Extractor, Quiet, Service, asked
+from doorway3ds.lab.sim.robot.nao.service import Extractor, Service, asked
 
 if TYPE_CHECKING:
     from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
 
-_VOICES = {"English": "naoenu", "French": "naofrf", "German": "naoged", "Japanese": "naojpj",
-           "Chinese": "naomnc", "Spanish": "naospe", "Italian": "naoiti"}  # fmt: skip
-_PARAMETERS = {
-    "pitchShift": 0.0,
-    "doubleVoice": 0.0,
-    "doubleVoiceLevel": 0.0,
-    "doubleVoiceTimeShift": 0.0,
-    "speed": 100.0,
-    "defaultVoiceSpeed": 100.0,
-}
+_VOICES = {
+    "English": ("naoenu", "en_US"), "French": ("naofrf", "fr_FR"), "German": ("naoged", "de_DE"),
+    "Japanese": ("naojpj", "ja_JP"), "Chinese": ("naomnc", "zh_CN"), "Spanish": ("naospe", "es_ES"),
+    "Italian": ("naoiti", "it_IT"),
+}  # fmt: skip
 _TAG = re.compile(r"\\+(\w+)(?:=([^\\]*))?\\+")
 _GESTURE = re.compile(r"\^\w+(?:\([^)]*\))?")
 _SLICE_S = 0.05
 
 
-class Speech(
-    Service,
-    quiet=Quiet(
-        {"Parameter": _PARAMETERS},
-        {
-            "getAvailableLanguages": list(_VOICES),
-            "getSupportedLanguages": list(_VOICES),
-            "getAvailableVoices": list(_VOICES.values()),
-        },
-    ),
-):
+class Speech(Service, name="ALTextToSpeech"):
     """ALTextToSpeech: what was said is kept and handed to `VirtualNao.on_speech`."""
 
     def __init__(self, nao: VirtualNao) -> None:
@@ -88,18 +73,24 @@ class Speech(
 
     def setLanguage(self, language: str) -> None:
         self._language = self._one("setLanguage", language, _VOICES)
-        self._voice = _VOICES[language]
+        self._voice = _VOICES[language][0]
 
     def getLanguage(self) -> str:
         return self._language
 
     def locale(self) -> str:
-        return {"English": "en_US", "French": "fr_FR", "German": "de_DE", "Japanese": "ja_JP",
-                "Chinese": "zh_CN", "Spanish": "es_ES",
-                "Italian": "it_IT"}[self._language]  # fmt: skip
+        return _VOICES[self._language][1]
+
+    def getAvailableLanguages(self) -> list[str]:
+        return list(_VOICES)
+
+    getSupportedLanguages = getAvailableLanguages
+
+    def getAvailableVoices(self) -> list[str]:
+        return [voice for voice, _ in _VOICES.values()]
 
     def setVoice(self, voice: str) -> None:
-        self._voice = self._one("setVoice", voice, _VOICES.values())
+        self._voice = self._one("setVoice", voice, self.getAvailableVoices())
 
     def getVoice(self) -> str:
         return self._voice
@@ -127,10 +118,7 @@ class Speech(
         return self._dictionary.pop(word, None) is not None
 
 
-class AnimatedSpeech(
-    Service,
-    quiet=Quiet(does="addTagsToWords declareTagForAnimations declareAnimationsPackage"),
-):
+class AnimatedSpeech(Service, name="ALAnimatedSpeech"):
     """ALAnimatedSpeech: speaks as ALTextToSpeech does; gestures are left out."""
 
     _MODES = ("disabled", "random", "contextual")
@@ -164,17 +152,7 @@ class AnimatedSpeech(
     setBodyTalkEnabled, isBodyTalkEnabled = setBodyLanguageEnabled, isBodyLanguageEnabled
 
 
-class Dialog(
-    Extractor,
-    quiet=Quiet(
-        {"Concept": [], "Language": "English"},
-        {"runDialog": True, "getConcept": []},
-        "stopDialog forceInput forceOutput gotoTag gotoTopic tell say setFocus setNumberOfScopes "
-        "applyUserSettings addBlockingEvent removeBlockingEvent openSession closeSession "
-        "setVariablePath setASRConfidenceThreshold setConfidenceThreshold noPick activateTag "
-        "deactivateTag enableTriggerSentences startPush stopPush clearConcepts",
-    ),
-):
+class Dialog(Extractor, name="ALDialog"):
     """ALDialog: topics are loaded, activated and listed; nobody talks to the robot."""
 
     def __init__(self, nao: VirtualNao) -> None:

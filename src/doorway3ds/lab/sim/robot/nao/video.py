@@ -48,7 +48,7 @@ class _Subscription:
     last: dict[int, tuple[float, Any]] = field(default_factory=dict)
 
 
-class Video(Service):
+class Video(Service, name="ALVideoDevice"):
     """ALVideoDevice."""
 
     _MOST = 6  # of one name

@@ -9,7 +9,7 @@ import numpy as np
 
 from doorway3ds.camera.model import wrapped_deg
 from doorway3ds.lab.sim.robot.model import about, moved
-from doorway3ds.lab.sim.robot.nao.service import Quiet, Service, returns
+from doorway3ds.lab.sim.robot.nao.service import Service, returns
 
 if TYPE_CHECKING:
     from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
@@ -192,23 +192,7 @@ def _flat(x: float, y: float, theta: float) -> np.ndarray:
     return m[np.ix_([0, 1, 3], [0, 1, 3])]
 
 
-class Navigation(
-    Service,
-    quiet=Quiet(
-        {"SecurityDistance": 0.4},
-        {
-            "explore": 0,
-            "getExplorationPath": [],
-            "getMapsList": [],
-            "getRobotPositionInMap": [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
-            "loadExploration": 0,
-            "relocalizeInMap": [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
-            "saveExploration": "",
-        },
-        "stopExploration startLocalization stopLocalization startMapping stopMapping "
-        "startFreeZoneUpdate",
-    ),
-):
+class Navigation(Service, name="ALNavigation"):
     """ALNavigation: goes straight, as ALMotion does; plans no way round things, maps nothing."""
 
     def navigateTo(self, x: float, y: float, theta: float = 0.0, config: Any = ()) -> bool:
