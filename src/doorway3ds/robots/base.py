@@ -92,7 +92,8 @@ class Limits:
 class Robot(Protocol):
     """A robot that turns on the spot: the protocol that your own robot follows.
 
-    Methods raise RobotError or RobotLost, nothing else.
+    Methods raise RobotError or RobotLost, nothing else. Those that a robot derived from this leaves
+    out do nothing.
 
     >>> class Mine(DryRobot):
     ...     name = "mine"
@@ -106,6 +107,7 @@ class Robot(Protocol):
 
     def prepare(self) -> None:
         """Stands up and looks ahead. This moves the robot."""
+        return
 
     def turn(self, theta_deg: float, timeout_s: float) -> TurnResult:
         """Turns by `theta_deg`, + left, and returns when it stands again.
@@ -119,20 +121,22 @@ class Robot(Protocol):
 
         Returns where the head was before, None if there is no head to turn.
         """
-        ...
+        return None
 
     def stop(self) -> None:
         """Stops all motion. Allowed at any time and from any thread."""
 
     def pose(self) -> RobotPose: ...
 
-    def say(self, text: str) -> None: ...
+    def say(self, text: str) -> None:
+        """Speaks."""
+        return
 
     def close(self) -> None:
         """Lets go of the robot; may be called twice. Never makes it rest or sit."""
 
 
-class DryRobot:
+class DryRobot(Robot):
     """No robot: nothing ever moves."""
 
     name = "dry"
@@ -140,26 +144,11 @@ class DryRobot:
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.name}>"
 
-    def prepare(self) -> None:
-        return
-
     def turn(self, theta_deg: float, timeout_s: float) -> TurnResult:
         return TurnResult(theta_deg, 0.0, TurnEnd.DRY, 0.0)
 
-    def aim(self, yaw_deg: float, pitch_deg: float) -> tuple[float, float] | None:
-        return None
-
-    def stop(self) -> None:
-        return
-
     def pose(self) -> RobotPose:
         return RobotPose(0.0, 0.0, 0.0)
-
-    def say(self, text: str) -> None:
-        return
-
-    def close(self) -> None:
-        return
 
 
 class Driver:

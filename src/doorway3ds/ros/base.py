@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from doorway3ds.camera.model import wrapped_deg
-from doorway3ds.robots.base import RobotLost, RobotPose, TurnEnd, TurnResult
+from doorway3ds.robots.base import Robot, RobotLost, RobotPose, TurnEnd, TurnResult
 from doorway3ds.ros.received import heading_of
 
 _PERIOD_S = 0.04
@@ -45,8 +45,8 @@ class Odometry:
         return newest[1]
 
 
-class BaseRobot:
-    """Turns a base on the spot, closed over its odometry, as robots.base.Robot asks.
+class BaseRobot(Robot):
+    """Turns a base on the spot, closed over its odometry; it has no head and no voice.
 
     send: publishes a turning speed in rad/s, + left. eyes: why the base must not turn now, None if
     nothing speaks against it. speed_rad_s: never exceeded. odometry_s: lost after so long.
@@ -69,9 +69,6 @@ class BaseRobot:
         self._stops = 0
         self._closed = False
         self.why = ""
-
-    def prepare(self) -> None:
-        """A base is always ready."""
 
     def turn(self, theta_deg: float, timeout_s: float) -> TurnResult:
         """As `Robot.turn`; `why` then says what ended it, if it did not arrive."""
@@ -134,21 +131,16 @@ class BaseRobot:
             if self._stops == stops and not self._closed:
                 self._send(speed)
 
-    def aim(self, yaw_deg: float, pitch_deg: float) -> tuple[float, float] | None:
-        """A base has no head."""
-        return None
-
     def stop(self) -> None:
         """Ends a turn and sends zero; nothing else follows it."""
-        with self._lock:
-            self._stops += 1
-            if not self._closed:
-                self._send(0.0)
+        self._halt(1)
 
-    def _halt(self) -> None:
+    def _halt(self, stops: int = 0, last: bool = False) -> None:
         with self._lock:
+            self._stops += stops
             if not self._closed:
                 self._send(0.0)
+            self._closed |= last
 
     def pose(self) -> RobotPose:
         where = self._odometry.pose(self.odometry_s)
@@ -156,13 +148,6 @@ class BaseRobot:
             raise RobotLost(f"no odometry came within {self.odometry_s:g} s; nothing moves")
         return where
 
-    def say(self, text: str) -> None:
-        """A base has no voice."""
-
     def close(self) -> None:
         """Sends zero as the last thing ever; may be called twice."""
-        with self._lock:
-            if not self._closed:
-                self._stops += 1
-                self._send(0.0)
-                self._closed = True
+        self._halt(1, last=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import array
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 from importlib import import_module
 from typing import Any, Protocol
@@ -41,7 +41,7 @@ class Make(Protocol):
 
 def ros_message(name: str, /, **fields: Any) -> Any:
     """`Make` of a ROS installation, or of the extra `ros`."""
-    message = _message_class(name)()
+    message = message_class(name)()
     for field, value in fields.items():
         if field == "data" and isinstance(value, bytes):
             value = array.array("B", value)  # rclpy would check plain bytes one by one
@@ -50,9 +50,49 @@ def ros_message(name: str, /, **fields: Any) -> Any:
 
 
 @lru_cache(maxsize=64)
-def _message_class(name: str) -> Any:
+def message_class(name: str) -> Any:
     package, _, kind = name.partition("/msg/")
     return getattr(import_module(f"{package}.msg"), kind)
+
+
+TOPICS = {
+    "decision": "std_msgs/msg/String",
+    "p_open": "std_msgs/msg/Float64",
+    "bearing": "std_msgs/msg/Float64",
+    "doorway": "geometry_msgs/msg/PoseStamped",
+    "corridor": "geometry_msgs/msg/PolygonStamped",
+    "markers": "visualization_msgs/msg/MarkerArray",
+    "depth": "sensor_msgs/msg/Image",
+    "camera_info": "sensor_msgs/msg/CameraInfo",
+}
+"""What is told of a decision: topics below the node's own name, and their types."""
+
+
+def decided(
+    make: Make, top: Any, seen: Any, decision: Decision, answer: Callable[[], Mapping[str, Any]]
+) -> dict[str, Callable[[], Any]]:
+    """What makes each message that there is about a decision, by its name in TOPICS.
+
+    top, seen: headers in the robot's and in the camera's frame. answer: the decision's JSON.
+    """
+    door, way, depth = chosen(decision), corridor(decision), decision.perception.depth_m
+    bearing_deg = decision.bearing_deg
+    out: dict[str, Callable[[], Any]] = {
+        "decision": lambda: decision_text(make, answer()),
+        "p_open": lambda: number(make, decision.p_open),
+        "markers": lambda: markers(make, top, decision),
+    }
+    if bearing_deg is not None:
+        out["bearing"] = lambda: number(make, math.radians(bearing_deg))
+    if door is not None:
+        out["doorway"] = lambda: doorway_pose(make, top, door)
+    if way is not None:
+        out["corridor"] = lambda: corridor_polygon(make, top, way)
+    if depth is not None:
+        small = decision.frame.camera.stretched_to(depth.shape[1], depth.shape[0])
+        out["depth"] = lambda: image(make, seen, depth)
+        out["camera_info"] = lambda: camera_info(make, seen, small)
+    return out
 
 
 def header(make: Make, frame_id: str, stamp: Any) -> Any:

@@ -2,75 +2,48 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from typing import Any
 
-from doorway3ds.draw.space import chosen, corridor
 from doorway3ds.live.eyes import Update
 from doorway3ds.ros import messages
 from doorway3ds.ros.messages import ros_message as make
 from doorway3ds.ros.topic import TopicFrame
+
+_ANNOTATED = "annotated/compressed"
+TOPICS = {**messages.TOPICS, _ANNOTATED: "sensor_msgs/msg/CompressedImage"}
+_OF_THE_IMAGE = ("depth", "camera_info")
 
 
 class Outputs:
     """Publishes what is known after each frame."""
 
     def __init__(self, node: Any, image_topic: str, robot_frame: str) -> None:
-        from geometry_msgs.msg import PolygonStamped, PoseStamped
         from rclpy.event_handler import PublisherEventCallbacks
-        from sensor_msgs.msg import CameraInfo, CompressedImage, Image
-        from std_msgs.msg import Float64, String
-        from visualization_msgs.msg import MarkerArray
 
         self._topic, self._robot_frame = image_topic, robot_frame
         # Each event that is listened for costs rclpy's executor time with every message.
         quiet = PublisherEventCallbacks(use_default_callbacks=False)
         self._by_name = {
-            name: node.create_publisher(kind, f"~/{name}", 1, event_callbacks=quiet)
-            for name, kind in {
-                "decision": String,
-                "p_open": Float64,
-                "bearing": Float64,
-                "doorway": PoseStamped,
-                "corridor": PolygonStamped,
-                "markers": MarkerArray,
-                "depth": Image,
-                "camera_info": CameraInfo,
-                "annotated/compressed": CompressedImage,
-            }.items()
+            name: node.create_publisher(
+                messages.message_class(kind), f"~/{name}", 1, event_callbacks=quiet
+            )
+            for name, kind in TOPICS.items()
         }
 
     def publish(self, update: Update) -> None:
         """Everything about one frame, or that no frame comes."""
         decision = update.decision
-        frame = decision.frame
-        assert isinstance(frame, TopicFrame)
-        seen = frame.header
+        assert isinstance(decision.frame, TopicFrame)
+        seen = decision.frame.header
         top = messages.header(make, self._robot_frame, seen.stamp)
-        self._send("decision", lambda: messages.decision_text(make, self._answer(update)))
-        self._send("p_open", lambda: messages.number(make, decision.p_open))
-        self._send("markers", lambda: messages.markers(make, top, decision))
-        bearing_deg = decision.bearing_deg
-        if bearing_deg is not None:
-            self._send("bearing", lambda: messages.number(make, math.radians(bearing_deg)))
-        door, way = chosen(decision), corridor(decision)
-        if door is not None:
-            self._send("doorway", lambda: messages.doorway_pose(make, top, door))
-        if way is not None:
-            self._send("corridor", lambda: messages.corridor_polygon(make, top, way))
-        depth = decision.perception.depth_m
-        if depth is not None and update.fresh:
-            small = frame.camera.stretched_to(depth.shape[1], depth.shape[0])
-            self._send("depth", lambda: messages.image(make, seen, depth))
-            self._send("camera_info", lambda: messages.camera_info(make, seen, small))
+        out = messages.decided(make, top, seen, decision, lambda: self._answer(update))
         if update.fresh:
-            self._send("annotated/compressed", lambda: _annotated(update))
-
-    def _send(self, name: str, message: Callable[[], Any]) -> None:
-        publisher = self._by_name[name]
-        if publisher.get_subscription_count() > 0:
-            publisher.publish(message())
+            out[_ANNOTATED] = lambda: _annotated(update)
+        else:
+            out = {name: message for name, message in out.items() if name not in _OF_THE_IMAGE}
+        for name, message in out.items():
+            if self._by_name[name].get_subscription_count() > 0:
+                self._by_name[name].publish(message())
 
     def _answer(self, update: Update) -> dict[str, Any]:
         """The JSON of `3ds live --json`, and the header of the image that it is about."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shutil
 import tempfile
 import time
@@ -11,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from doorway3ds.draw.space import chosen, corridor
 from doorway3ds.errors import UserError
 from doorway3ds.ros import messages
 from doorway3ds.types import Decision
@@ -23,14 +21,7 @@ _TYPES = {
     "/camera/image_raw/compressed": "sensor_msgs/msg/CompressedImage",
     "/camera/camera_info": "sensor_msgs/msg/CameraInfo",
     "/tf": "tf2_msgs/msg/TFMessage",
-    "/doorway3ds/decision": "std_msgs/msg/String",
-    "/doorway3ds/p_open": "std_msgs/msg/Float64",
-    "/doorway3ds/bearing": "std_msgs/msg/Float64",
-    "/doorway3ds/doorway": "geometry_msgs/msg/PoseStamped",
-    "/doorway3ds/corridor": "geometry_msgs/msg/PolygonStamped",
-    "/doorway3ds/markers": "visualization_msgs/msg/MarkerArray",
-    "/doorway3ds/depth": "sensor_msgs/msg/Image",
-    "/doorway3ds/camera_info": "sensor_msgs/msg/CameraInfo",
+    **{f"/doorway3ds/{name}": kind for name, kind in messages.TOPICS.items()},
 }
 
 
@@ -122,22 +113,9 @@ class BagRecorder:
             ),
             "/camera/camera_info": messages.camera_info(make, seen, frame.camera),
             "/camera/image_raw/compressed": messages.compressed(make, seen, frame.image),
-            "/doorway3ds/decision": messages.decision_text(make, answer),
-            "/doorway3ds/p_open": messages.number(make, decision.p_open),
-            "/doorway3ds/markers": messages.markers(make, top, decision),
         }
-        door, way, depth = chosen(decision), corridor(decision), decision.perception.depth_m
-        if decision.bearing_deg is not None:
-            bearing = math.radians(decision.bearing_deg)
-            out["/doorway3ds/bearing"] = messages.number(make, bearing)
-        if door is not None:
-            out["/doorway3ds/doorway"] = messages.doorway_pose(make, top, door)
-        if way is not None:
-            out["/doorway3ds/corridor"] = messages.corridor_polygon(make, top, way)
-        if depth is not None:
-            small = frame.camera.stretched_to(depth.shape[1], depth.shape[0])
-            out["/doorway3ds/depth"] = messages.image(make, seen, depth)
-            out["/doorway3ds/camera_info"] = messages.camera_info(make, seen, small)
+        about = messages.decided(make, top, seen, decision, lambda: answer)
+        out |= {f"/doorway3ds/{name}": message() for name, message in about.items()}
         at_ns = int(stamp.sec) * 10**9 + int(stamp.nanosec)
         try:
             for topic, message in out.items():

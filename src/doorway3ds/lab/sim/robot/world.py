@@ -22,7 +22,7 @@ from doorway3ds.lab.sim.robot.body import Body, Clock, Gait
 from doorway3ds.lab.sim.robot.ground import Ground
 from doorway3ds.lab.sim.robot.model import MODELS
 from doorway3ds.lab.sim.stages.scenarios import Stage, find
-from doorway3ds.robots.base import RobotPose, TurnEnd, TurnResult
+from doorway3ds.robots.base import Robot, RobotPose, TurnEnd, TurnResult
 from doorway3ds.robots.nao.format import FRAME_ROBOT, pose_of
 
 if TYPE_CHECKING:
@@ -198,12 +198,14 @@ class World:
         return self._kept[1]
 
 
-class SimRobot:
-    """The body of a world as a robot, without NAOqi in between."""
+class SimRobot(Robot):
+    """The body of a world as a robot, without NAOqi in between and without a voice."""
+
+    name = "sim"
 
     def __init__(self, world: World) -> None:
-        self._body = world.body
-        self.name = f"sim://home?seed={world.stage.seed}&scenario={world.stage.scene}"
+        self._body, stage = world.body, world.stage
+        self.name = f"sim://home?seed={stage.seed}&scenario={stage.scene}"
 
     def prepare(self) -> None:
         self._body.go("StandInit", 0.0)
@@ -235,11 +237,7 @@ class SimRobot:
     def pose(self) -> RobotPose:
         return RobotPose(*self._body.odometry())
 
-    def say(self, text: str) -> None:
-        return
-
-    def close(self) -> None:
-        self._body.stop()
+    close = stop
 
 
 def stage_of(studio: Studio, scene: str, seed: int, model: str = "nao") -> Stage:
