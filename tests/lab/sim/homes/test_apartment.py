@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from doorway3ds.lab.sim.homes import apartment as homes
-from doorway3ds.lab.sim.homes import clutter
+from doorway3ds.lab.sim.homes import clutter, furniture
+from doorway3ds.lab.sim.homes.clutter import cable, closet, pet, toys
 from doorway3ds.lab.sim.homes.furnish import ROOMS, footprint, furnish, overlap
-from doorway3ds.lab.sim.homes.oddments import cable, closet, pet, toys
 from doorway3ds.lab.sim.homes.plan import Plan
 from doorway3ds.lab.sim.homes.shell import leaf_of
 from tests.lab.sim.conftest import doorway, two_rooms
@@ -83,7 +83,10 @@ def test_furniture_stands_inside_its_room_and_apart(seed: int) -> None:
             assert not any(overlap(a, b) for b in rects[i + 1 :])
 
 
-@pytest.mark.parametrize("maker", sorted({m for row in ROOMS.values() for m, _, _ in row}
+IN_ROOMS = {getattr(furniture, one.split()[0]) for row in ROOMS.values() for one in row.split(",")}
+
+
+@pytest.mark.parametrize("maker", sorted(IN_ROOMS
                                          | {*clutter.SMALL, *clutter.BLOCKERS}
                                          | {closet, cable, toys, pet},
                                          key=lambda m: m.__name__))  # fmt: skip

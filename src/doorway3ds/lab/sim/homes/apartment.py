@@ -46,6 +46,15 @@ class Room:
         t = wall_m / 2
         return self.x0 + t, self.y0 + t, self.x1 - t, self.y1 - t
 
+    @property
+    def sides(self) -> tuple[tuple[int, float, float, float], ...]:
+        """Of each side, low x, high x, low y, high y: axis and place of its wall, where it runs."""
+        along_x, along_y = (self.x0, self.x1), (self.y0, self.y1)
+        return (
+            (0, self.x0, *along_y), (0, self.x1, *along_y),
+            (1, self.y0, *along_x), (1, self.y1, *along_x),
+        )  # fmt: skip
+
     def holds(self, x: float, y: float, margin: float = 0.0) -> bool:
         return (
             self.x0 + margin <= x <= self.x1 - margin and self.y0 + margin <= y <= self.y1 - margin
@@ -138,15 +147,10 @@ class Home:
     def spans(self) -> list[WallSpan]:
         out = []
         for room in self.rooms:
-            for side, (axis, wall) in enumerate(
-                ((0, room.x0), (0, room.x1), (1, room.y0), (1, room.y1))
-            ):
-                holes = tuple(
-                    p
-                    for p in self.portals
-                    if p.axis == axis and abs(p.wall - wall) < 1e-6 and room.index in p.rooms
-                )
-                out.append(WallSpan(room.index, side, holes))
+            own = self.portals_of(room.index)
+            for side, (axis, wall, _, _) in enumerate(room.sides):
+                holes = [p for p in own if p.axis == axis and abs(p.wall - wall) < 1e-6]
+                out.append(WallSpan(room.index, side, tuple(holes)))
         return out
 
 
@@ -157,13 +161,12 @@ def _split(
     w, h = x1 - x0, y1 - y0
     if depth == 0 or max(w, h) < 2 * least + 0.3 or (w * h < 14 and rng.random() < 0.6):
         return [rect]
-    cut = rng.uniform(0.36, 0.64)
-    if w >= h:
-        x = float(np.clip(x0 + cut * w, x0 + least, x1 - least))
-        a, b = (x0, y0, x, y1), (x, y0, x1, y1)
-    else:
-        y = float(np.clip(y0 + cut * h, y0 + least, y1 - least))
-        a, b = (x0, y0, x1, y), (x0, y, x1, y1)
+    axis = 0 if w >= h else 1
+    low, size = rect[axis], (w, h)[axis]
+    at = float(np.clip(low + rng.uniform(0.36, 0.64) * size, low + least, rect[axis + 2] - least))
+    a, b = (
+        ((x0, y0, at, y1), (at, y0, x1, y1)) if axis == 0 else ((x0, y0, x1, at), (x0, at, x1, y1))
+    )
     return _split(rng, a, least, depth - 1) + _split(rng, b, least, depth - 1)
 
 
@@ -213,14 +216,11 @@ def _kinds(rng: Rng, rects: list[tuple[float, float, float, float]], corridor: i
 def _shared(a: Room, b: Room) -> tuple[int, float, float, float, tuple[int, int]] | None:
     """(axis, wall, from, to, (low room, high room)) of the wall two rooms share."""
     for low, high in ((a, b), (b, a)):
-        if abs(low.x1 - high.x0) < 1e-6:
-            lo, hi = max(low.y0, high.y0), min(low.y1, high.y1)
-            if hi - lo > 1.0:
-                return 0, low.x1, lo, hi, (low.index, high.index)
-        if abs(low.y1 - high.y0) < 1e-6:
-            lo, hi = max(low.x0, high.x0), min(low.x1, high.x1)
-            if hi - lo > 1.0:
-                return 1, low.y1, lo, hi, (low.index, high.index)
+        for side in (0, 2):
+            (axis, wall, *ours), (_, other, *theirs) = low.sides[side + 1], high.sides[side]
+            lo, hi = max(ours[0], theirs[0]), min(ours[1], theirs[1])
+            if abs(wall - other) < 1e-6 and hi - lo > 1.0:
+                return axis, wall, lo, hi, (low.index, high.index)
     return None
 
 
@@ -265,34 +265,27 @@ def _door(
 def _windows(
     rng: Rng, rooms: list[Room], bounds: tuple[float, float, float, float], ceiling: float
 ) -> list[Portal]:
+    """Windows and a balcony door; bounds: of the home at each side, as in `Room.sides`."""
     out = []
     balcony_done = False
     for room in rooms:
-        sides = [
-            (0, room.x0, bounds[0], room.y0, room.y1, (-1, room.index)),
-            (0, room.x1, bounds[2], room.y0, room.y1, (room.index, -1)),
-            (1, room.y0, bounds[1], room.x0, room.x1, (-1, room.index)),
-            (1, room.y1, bounds[3], room.x0, room.x1, (room.index, -1)),
-        ]
-        for axis, wall, edge, lo, hi, pair in sides:
-            if abs(wall - edge) > 1e-6 or room.kind in ("store",):
+        for side, (axis, wall, lo, hi) in enumerate(room.sides):
+            if abs(wall - bounds[side]) > 1e-6 or room.kind == "store":
                 continue
+            pair = (room.index, -1) if side % 2 else (-1, room.index)
             span = hi - lo - 0.7
             if room.kind == "living" and span > 1.9 and not balcony_done and rng.random() < 0.6:
                 balcony_done = True
                 state = "sliding_open" if rng.random() < 0.6 else "sliding_closed"
                 width, top = float(min(span, rng.uniform(1.7, 2.6))), min(2.25, ceiling - 0.15)
-                hinge = int(rng.choice([-1, 1]))
-                out.append(
-                    Portal(axis, wall, (lo + hi) / 2, width, 0.0, top, pair, state, hinge=hinge)
-                )
+                hung = (state, int(rng.choice([-1, 1])))
+                out.append(Portal(axis, wall, (lo + hi) / 2, width, 0.0, top, pair, *hung))
                 continue
             if rng.random() > (0.35 if room.kind == "corridor" else 0.72) or span < 0.5:
                 continue
             width = float(rng.uniform(0.5, min(span, 2.2)))
-            sill = float(rng.choice([0.15, 0.45, 0.8, 0.9, 1.0])) + (
-                0.4 if room.kind == "bath" else 0
-            )
+            higher = 0.4 if room.kind == "bath" else 0
+            sill = float(rng.choice([0.15, 0.45, 0.8, 0.9, 1.0])) + higher
             if sill < 0.5 and rng.random() < 0.6:
                 sill = 0.9
             at = rng.uniform(lo + 0.35 + width / 2, hi - 0.35 - width / 2 + 1e-6)
@@ -352,12 +345,8 @@ def generate(seed: int) -> Home:
     for wall in walls:
         if rng.random() < 0.28:
             portals.append(_door(rng, wall, (kinds[wall[4][0]], kinds[wall[4][1]]), ceiling))
-    bounds = (
-        min(r.x0 for r in rooms),
-        min(r.y0 for r in rooms),
-        max(r.x1 for r in rooms),
-        max(r.y1 for r in rooms),
-    )
+    low, high = np.array(rects)[:, :2].min(0), np.array(rects)[:, 2:].max(0)
+    bounds = (low[0], high[0], low[1], high[1])
     portals += _windows(rng, rooms, bounds, ceiling)
     sunny = float(day and rng.random() < 0.6)
     style = {

@@ -1,16 +1,22 @@
-"""Small things, people, and what hangs on walls and ceilings. Same conventions as furniture.py."""
+"""Small things, people and pets, what hangs on walls and ceilings, what robots trip over.
+
+Same conventions as furniture.py.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from doorway3ds.lab.sim.homes.furniture import (
+    SIDES,
     Item,
     Maker,
     Part,
     Rng,
+    body_paint,
     cloth,
     grey,
     picture,
@@ -32,7 +38,7 @@ def person(rng: Rng) -> Item:
     hair = rgb(*(np.array([0.32, 0.22, 0.14]) * rng.uniform(0.1, 2.2)))
     parts: list[Part] = []
     stride = rng.uniform(0, 0.22)
-    for s in (-1, 1):
+    for s in SIDES:
         foot, knee = (s * 0.1, s * stride, 0.06), (s * 0.1, s * stride * 0.6 + 0.02, 0.48)
         parts += [
             (legs, rod(foot, knee, 0.062)),
@@ -64,9 +70,8 @@ def carton(rng: Rng) -> Item:
     parts.append((rgb(0.78, 0.65, 0.45), box((0.05, d + 0.004, h + 0.004), (0, 0, h / 2))))
     if h < 0.3 and rng.random() < 0.4:
         h2 = h * 0.8
-        parts.append(
-            (brown, box((w * 0.8, d * 0.8, h2), (0.02, 0, h + h2 / 2)).moved((0, 0, 0), 12))
-        )
+        upper = box((w * 0.8, d * 0.8, h2), (0.02, 0, h + h2 / 2))
+        parts.append((brown, upper.moved((0, 0, 0), 12)))
         h += h2
     return Item("carton", (w, d, h), tuple(parts))
 
@@ -74,26 +79,17 @@ def carton(rng: Rng) -> Item:
 def suitcase(rng: Rng) -> Item:
     paint = vivid(rng)
     parts: list[Part] = [(paint, rounded_box((0.45, 0.26, 0.62), 0.05, (0, 0, 0.37)))]
-    parts += [
-        ("#202022", cylinder(0.03, 0.06, (sx * 0.18, sy * 0.08, 0)))
-        for sx in (-1, 1)
-        for sy in (-1, 1)
-    ]
-    parts += [("#3a3a3c", rod((s * 0.1, 0, 0.68), (s * 0.1, 0, 1.0), 0.01)) for s in (-1, 1)]
+    feet = [(sx * 0.18, sy * 0.08, 0.0) for sx in SIDES for sy in SIDES]
+    parts += [("#202022", cylinder(0.03, 0.06, at)) for at in feet]
+    parts += [("#3a3a3c", rod((s * 0.1, 0, 0.68), (s * 0.1, 0, 1.0), 0.01)) for s in SIDES]
     parts.append(("#3a3a3c", box((0.24, 0.03, 0.03), (0, 0, 1.0))))
     return Item("suitcase", (0.45, 0.26, 1.0), tuple(parts))
 
 
 def bag(rng: Rng) -> Item:
     w, h = rng.uniform(0.25, 0.5), rng.uniform(0.25, 0.5)
-    paint = cloth(rng)
-    parts: list[Part] = [
-        (
-            paint,
-            lathe([(0.0, 0.0), (w / 2, 0.02), (w / 2.2, h * 0.5), (w / 4, h), (0, h)], squash=0.6),
-        )
-    ]
-    return Item("bag", (w, w * 0.6, h), tuple(parts))
+    profile = [(0.0, 0.0), (w / 2, 0.02), (w / 2.2, h * 0.5), (w / 4, h), (0, h)]
+    return Item("bag", (w, w * 0.6, h), ((cloth(rng), lathe(profile, squash=0.6)),))
 
 
 def bin_(rng: Rng) -> Item:
@@ -105,9 +101,9 @@ def bin_(rng: Rng) -> Item:
 def basket(rng: Rng) -> Item:
     w, h = rng.uniform(0.35, 0.55), rng.uniform(0.25, 0.6)
     parts: list[Part] = [
-        (f"wood{rng.integers(3)}", box((w, 0.02, h), (0, s * w * 0.35, h / 2))) for s in (-1, 1)
+        (f"wood{rng.integers(3)}", box((w, 0.02, h), (0, s * w * 0.35, h / 2))) for s in SIDES
     ]
-    parts += [(parts[0][0], box((0.02, w * 0.7, h), (s * w / 2, 0, h / 2))) for s in (-1, 1)]
+    parts += [(parts[0][0], box((0.02, w * 0.7, h), (s * w / 2, 0, h / 2))) for s in SIDES]
     parts.append((cloth(rng), ball((w * 0.45, w * 0.32, 0.15), (0, 0, h - 0.03))))
     return Item("basket", (w, w * 0.7, h + 0.1), tuple(parts))
 
@@ -131,10 +127,8 @@ def plant(rng: Rng) -> Item:
         parts.append(("#5a4430", cylinder(0.025, h * 0.6, (0, 0, pot - 0.05), 0.015)))
         for _ in range(int(rng.integers(5, 10))):
             at = rng.normal(0, 0.14, 3) + np.array([0, 0, pot + h * 0.75])
-            size = tuple(rng.uniform(0.1, 0.22, 3))
-            parts.append(
-                (rgb(*(np.array(green) * rng.uniform(0.6, 1.4))), ball(size, tuple(at), 8))
-            )
+            leaves = ball(tuple(rng.uniform(0.1, 0.22, 3)), tuple(at), 8)
+            parts.append((rgb(*(np.array(green) * rng.uniform(0.6, 1.4))), leaves))
     return Item("plant", (0.5, 0.5, pot + h), tuple(parts))
 
 
@@ -160,7 +154,7 @@ def stool(rng: Rng) -> Item:
 def shoes(rng: Rng) -> Item:
     paint = grey(rng, 0.04, 0.8) if rng.random() < 0.6 else vivid(rng)
     parts: list[Part] = []
-    for s in (-1, 1):
+    for s in SIDES:
         at = (s * 0.07 + rng.normal(0, 0.02), rng.normal(0, 0.04), 0.045)
         parts.append((paint, rounded_box((0.09, 0.27, 0.09), 0.04, at)))
     return Item("shoes", (0.26, 0.3, 0.1), tuple(parts))
@@ -174,22 +168,20 @@ def toy(rng: Rng) -> Item:
     for _ in range(4):
         x, y = rng.uniform(-0.15, 0.15, 2)
         s = rng.uniform(0.05, 0.12)
-        parts.append(
-            (vivid(rng), box((s, s, s), (x, y, s / 2)).moved((0, 0, 0), rng.uniform(0, 90)))
-        )
+        paint, block = vivid(rng), box((s, s, s), (x, y, s / 2))
+        parts.append((paint, block.moved((0, 0, 0), rng.uniform(0, 90))))
     return Item("toy", (0.35, 0.35, 0.12), tuple(parts))
 
 
 def robot_cleaner(rng: Rng) -> Item:
-    return Item(
-        "cleaner", (0.34, 0.34, 0.09), ((grey(rng, 0.03, 0.9), cylinder(0.17, 0.09, n=20)),)
-    )
+    parts = ((grey(rng, 0.03, 0.9), cylinder(0.17, 0.09, n=20)),)
+    return Item("cleaner", (0.34, 0.34, 0.09), parts)
 
 
 def drying_rack(rng: Rng) -> Item:
     parts: list[Part] = []
-    for s in (-1, 1):
-        for e in (-1, 1):
+    for s in SIDES:
+        for e in SIDES:
             parts.append(("#d8dadb", rod((s * 0.5, e * 0.3, 0), (s * 0.5, -e * 0.25, 0.95), 0.01)))
     for i in range(5):
         y = -0.24 + 0.12 * i
@@ -199,35 +191,6 @@ def drying_rack(rng: Rng) -> Item:
             x = rng.uniform(-0.5 + w / 2, 0.5 - w / 2)
             parts.append((cloth(rng), box((w, 0.02, drop), (x, y, 0.95 - drop / 2))))
     return Item("rack", (1.0, 0.6, 0.96), tuple(parts))
-
-
-SMALL: tuple[Maker, ...] = (
-    carton,
-    carton,
-    bag,
-    bin_,
-    basket,
-    plant,
-    plant,
-    floor_lamp,
-    stool,
-    shoes,
-    toy,
-    robot_cleaner,
-    suitcase,
-)
-BLOCKERS: tuple[Maker, ...] = (
-    carton,
-    carton,
-    suitcase,
-    basket,
-    plant,
-    stool,
-    person,
-    drying_rack,
-    bin_,
-    bag,
-)
 
 
 def painting(rng: Rng) -> Item:
@@ -267,9 +230,8 @@ def coats(rng: Rng) -> Item:
         x = -0.3 + 0.2 * i
         if rng.random() < 0.6:
             drop = rng.uniform(0.5, 1.0)
-            parts.append(
-                (cloth(rng), rounded_box((0.28, 0.16, drop), 0.07, (x, 0.1, -drop / 2 + 0.04)))
-            )
+            coat = rounded_box((0.28, 0.16, drop), 0.07, (x, 0.1, -drop / 2 + 0.04))
+            parts.append((cloth(rng), coat))
     return Item("coats", (0.9, 0.2, 0.3), tuple(parts))
 
 
@@ -277,22 +239,20 @@ def radiator(rng: Rng, width: float) -> Item:
     """Hangs below a window; origin at its lower middle."""
     n = max(4, int(width / 0.07))
     parts: list[Part] = [("#ecebe6", box((width, 0.03, 0.5), (0, 0.05, 0.27)))]
+    fin = (width / n * 0.75, 0.03, 0.52)
     for i in range(n):
         x = -width / 2 + (i + 0.5) * width / n
-        parts.append(
-            ("#f4f3ee", rounded_box((width / n * 0.75, 0.03, 0.52), 0.012, (x, 0.08, 0.27), 1))
-        )
+        parts.append(("#f4f3ee", rounded_box(fin, 0.012, (x, 0.08, 0.27), 1)))
     return Item("radiator", (width, 0.1, 0.55), tuple(parts))
 
 
 def pendant(rng: Rng, drop: float) -> Item:
     """Hangs from the origin downwards."""
     r = rng.uniform(0.12, 0.28)
-    shade = lathe(
-        [(r, -drop), (r * 0.8, -drop + r * 0.5), (0.04, -drop + r * 0.9), (0.0, -drop + r * 0.9)]
-    )
+    top = -drop + r * 0.9
+    shade = lathe([(r, -drop), (r * 0.8, -drop + r * 0.5), (0.04, top), (0.0, top)])
     parts: list[Part] = [
-        ("#222222", rod((0, 0, 0), (0, 0, -drop + r * 0.9), 0.006, 6)),
+        ("#222222", rod((0, 0, 0), (0, 0, top), 0.006, 6)),
         (vivid(rng) if rng.random() < 0.5 else "#f5efe0", shade),
         ("!#fff6da", ball((0.06, 0.06, 0.06), (0, 0, -drop + 0.05), 8)),
     ]
@@ -301,18 +261,111 @@ def pendant(rng: Rng, drop: float) -> Item:
 
 def ceiling_disc(rng: Rng) -> Item:
     r = rng.uniform(0.12, 0.25)
-    return Item(
-        "disc", (2 * r, 2 * r, 0.08), (("!#fffaf0", cylinder(r * 0.9, 0.07, (0, 0, -0.07), r)),)
-    )
+    parts = (("!#fffaf0", cylinder(r * 0.9, 0.07, (0, 0, -0.07), r)),)
+    return Item("disc", (2 * r, 2 * r, 0.08), parts)
 
 
 def poster(rng: Rng) -> Item:
     """A sheet without a frame."""
     w = float(rng.uniform(0.3, 0.8))
     h = w * float(rng.uniform(0.9, 1.5))
-    return Item(
-        "poster", (w, 0.01, h), ((f"painting{rng.integers(6)}", picture(w, h, (0, 0.006, 0))),)
-    )
+    parts = ((f"painting{rng.integers(6)}", picture(w, h, (0, 0.006, 0))),)
+    return Item("poster", (w, 0.01, h), parts)
 
 
-WALL: tuple[Maker, ...] = (painting, painting, painting, poster, clock, shelf, shelf, coats)
+def closet(rng: Rng) -> Item:
+    """A built-in closet or walk-in wardrobe without a leaf: an opening that leads nowhere."""
+    w, d, h = rng.uniform(0.85, 1.7), rng.uniform(0.6, 1.4), rng.uniform(2.1, 2.32)
+    ow, oh = rng.uniform(0.68, w - 0.12), rng.uniform(1.95, h - 0.08)
+    paint = grey(rng, 0.75, 0.97) if rng.random() < 0.7 else body_paint(rng)
+    inner = grey(rng, 0.5, 0.95)
+    t = 0.04
+    parts: list[Part] = [(paint, box((t, d, h), (s * (w - t) / 2, 0, h / 2))) for s in SIDES]
+    cheek = (w - ow) / 2
+    parts += [(paint, box((cheek, t, h), (s * (w - cheek) / 2, (d - t) / 2, h / 2))) for s in SIDES]
+    parts += [
+        (paint, box((w, t, h - oh), (0, (d - t) / 2, (h + oh) / 2))),
+        (paint, box((w, d, 0.03), (0, 0, h - 0.015))),
+        (inner, box((w - t, 0.02, h), (0, -d / 2 + 0.01, h / 2))),
+    ]
+    low = -d / 2 + 0.05
+    if rng.random() < 0.8:
+        parts.append(("#b9bbbd", rod((-w / 2, low + 0.25, 1.68), (w / 2, low + 0.25, 1.68), 0.012)))
+        x = -w / 2 + 0.1
+        while x < w / 2 - 0.12:
+            drop = rng.uniform(0.5, 1.15)
+            coat = cloth(rng) if rng.random() < 0.5 else vivid(rng)
+            parts.append(
+                (coat, rounded_box((0.05, 0.42, drop), 0.02, (x, low + 0.25, 1.64 - drop / 2)))
+            )
+            x += rng.uniform(0.06, 0.3)
+    for z in (rng.uniform(1.75, 1.9), *rng.uniform(0.3, 0.6, int(rng.integers(0, 2)))):
+        parts.append((inner, box((w - t, 0.35, 0.02), (0, low + 0.16, z))))
+    for _ in range(int(rng.integers(0, 4))):
+        s = rng.uniform(0.15, 0.35, 3)
+        x = rng.uniform(-w / 2 + 0.25, w / 2 - 0.25)
+        parts.append((vivid(rng), box((s[0], min(s[1], 0.3), s[2]), (x, low + 0.18, s[2] / 2))))
+    return Item("closet", (w, d, h), tuple(parts))
+
+
+def cable(rng: Rng) -> Item:
+    """A lead on the floor with an extension socket, 3 to 5 cm high."""
+    paint = grey(rng, 0.03, 0.9)
+    points = [np.array([-0.6, rng.uniform(-0.2, 0.2), 0.008])]
+    for k in range(9):
+        x = -0.6 + 1.2 * (k + 1) / 9
+        points.append(np.array([x, rng.uniform(-0.22, 0.22), 0.008 + 0.012 * rng.random()]))
+    corners = [(float(p[0]), float(p[1]), float(p[2])) for p in points]
+    parts: list[Part] = [(paint, rod(a, b, 0.007, 6)) for a, b in pairwise(corners)]
+    height = rng.uniform(0.03, 0.05)
+    block = box((0.3, 0.06, height), (0, 0, height / 2)).moved((0, 0, 0), rng.uniform(0, 180))
+    parts.append((paint, block))
+    return Item("cable", (1.25, 0.5, height), tuple(parts))
+
+
+def toys(rng: Rng) -> Item:
+    """Balls, blocks and cars of 3 to 15 cm, strewn over half a metre."""
+    parts: list[Part] = []
+    for _ in range(int(rng.integers(4, 10))):
+        x, y = rng.uniform(-0.24, 0.24, 2)
+        s = float(rng.uniform(0.03, 0.15))
+        paint, turn = vivid(rng), float(rng.uniform(0, 360))
+        kind = rng.random()
+        if kind < 0.35:
+            parts.append((paint, ball((s / 2, s / 2, s / 2), (x, y, s / 2), 10)))
+        elif kind < 0.7:
+            parts.append((paint, box((s, s, s), (0, 0, s / 2)).moved((x, y, 0), turn)))
+        else:
+            low, cab = box((0.16, 0.08, 0.05), (0, 0, 0.04)), box((0.08, 0.07, 0.04), (0, 0, 0.08))
+            parts += [(paint, m.moved((x, y, 0), turn)) for m in (low, cab)]
+    return Item("toys", (0.62, 0.62, 0.15), tuple(parts))
+
+
+def pet(rng: Rng) -> Item:
+    """A cat or a dog, standing, 0.25 to 0.65 m tall; it looks towards +y."""
+    k = rng.uniform(0.45, 0.6) if rng.random() < 0.5 else rng.uniform(0.7, 1.2)
+    coats = (0.08, 0.08, 0.08), (0.55, 0.38, 0.2), (0.85, 0.8, 0.7), (0.35, 0.33, 0.32)
+    coat = rgb(*coats[int(rng.integers(4))])
+    parts: list[Part] = [
+        (coat, ball((0.1, 0.28, 0.11), (0, 0, 0.36), 12)),
+        (coat, ball((0.08, 0.1, 0.085), (0, 0.32, 0.48), 10)),
+        (coat, ball((0.04, 0.07, 0.04), (0, 0.41, 0.46), 8)),
+        (coat, rod((0, -0.26, 0.38), (0.05, -0.44, rng.uniform(0.3, 0.6)), 0.018)),
+    ]
+    for sx in SIDES:
+        parts.append((coat, cylinder(0.022, 0.07, (sx * 0.05, 0.3, 0.53), 0.004, n=8)))
+        for y in (-0.19, 0.19):
+            parts.append((coat, rod((sx * 0.07, y, 0.0), (sx * 0.07, y, 0.34), 0.028)))
+    grown = [(p, replace(m, vertices=m.vertices * k)) for p, m in parts]
+    return Item("pet", (0.22 * k, 0.92 * k, 0.6 * k), tuple(grown))
+
+
+def _any_of(names: str) -> tuple[Maker, ...]:
+    return tuple(globals()[name] for name in names.split())
+
+
+SMALL = _any_of(
+    "carton carton bag bin_ basket plant plant floor_lamp stool shoes toy robot_cleaner suitcase"
+)
+BLOCKERS = _any_of("carton carton suitcase basket plant stool person drying_rack bin_ bag")
+WALL = _any_of("painting painting painting poster clock shelf shelf coats")

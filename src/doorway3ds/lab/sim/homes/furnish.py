@@ -6,24 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from doorway3ds.lab.sim.homes import clutter, furniture, oddments
+from doorway3ds.lab.sim.homes import clutter, furniture
 from doorway3ds.lab.sim.homes.apartment import Home, Portal, Room
-from doorway3ds.lab.sim.homes.appliances import basin, bathtub, fridge, kitchen, toilet, washer
-from doorway3ds.lab.sim.homes.furniture import (
-    Item,
-    Maker,
-    armchair,
-    bed,
-    bookshelf,
-    chair,
-    coffee_table,
-    desk,
-    dining,
-    dresser,
-    sofa,
-    tv_unit,
-    wardrobe,
-)
+from doorway3ds.lab.sim.homes.furniture import Item
 
 Rng = np.random.Generator
 Rect = tuple[float, float, float, float]  # x0, y0, x1, y1
@@ -103,48 +88,19 @@ def doormat(portal: Portal, wall: float, side: int) -> Rect:
     return min(a[0], b[0]), min(a[1], b[1]), max(a[0], b[0]), max(a[1], b[1])
 
 
-ROOMS: dict[str, tuple[tuple[Maker, float, bool], ...]] = {
-    "living": (
-        (sofa, 1.0, True),
-        (tv_unit, 0.85, True),
-        (bookshelf, 0.7, True),
-        (armchair, 0.6, True),
-        (dresser, 0.5, True),
-        (coffee_table, 0.75, False),
-        (bookshelf, 0.3, True),
-        (desk, 0.2, True),
-    ),
-    "bedroom": (
-        (bed, 1.0, True),
-        (wardrobe, 0.9, True),
-        (dresser, 0.7, True),
-        (dresser, 0.5, True),
-        (desk, 0.35, True),
-        (chair, 0.4, True),
-        (bookshelf, 0.3, True),
-    ),
-    "kitchen": (
-        (kitchen, 1.0, True),
-        (fridge, 0.9, True),
-        (dining, 0.55, False),
-        (washer, 0.3, True),
-        (kitchen, 0.3, True),
-        (bookshelf, 0.15, True),
-    ),
-    "bath": ((basin, 1.0, True), (toilet, 0.9, True), (bathtub, 0.6, True), (washer, 0.5, True)),
-    "office": (
-        (desk, 1.0, True),
-        (bookshelf, 0.9, True),
-        (bookshelf, 0.5, True),
-        (dresser, 0.4, True),
-        (armchair, 0.35, True),
-        (desk, 0.3, True),
-        (wardrobe, 0.2, True),
-    ),
-    "dining": ((dining, 1.0, False), (dresser, 0.8, True), (bookshelf, 0.4, True)),
-    "corridor": ((dresser, 0.35, True), (bookshelf, 0.2, True)),
-    "store": ((bookshelf, 0.9, True), (washer, 0.4, True), (wardrobe, 0.3, True)),
+ROOMS = {
+    "living": "sofa 1, tv_unit .85, bookshelf .7, armchair .6, dresser .5, coffee_table .75, "
+    "bookshelf .3, desk .2",
+    "bedroom": "bed 1, wardrobe .9, dresser .7, dresser .5, desk .35, chair .4, bookshelf .3",
+    "kitchen": "kitchen 1, fridge .9, dining .55, washer .3, kitchen .3, bookshelf .15",
+    "bath": "basin 1, toilet .9, bathtub .6, washer .5",
+    "office": "desk 1, bookshelf .9, bookshelf .5, dresser .4, armchair .35, desk .3, wardrobe .2",
+    "dining": "dining 1, dresser .8, bookshelf .4",
+    "corridor": "dresser .35, bookshelf .2",
+    "store": "bookshelf .9, washer .4, wardrobe .3",
 }
+"""Furniture of each kind of room, and how likely it is there."""
+_FREE = ("coffee_table", "dining")  # the rest stands against walls
 
 
 class _Room:
@@ -285,7 +241,7 @@ def _built_in(space: _Room) -> list[Mirror]:
         rng = np.random.default_rng([0xB17, space.home.seed, k])
         own, space.rng = space.rng, rng
         if hazard.kind == "closet":
-            space.against_wall(oddments.closet(rng), 40)
+            space.against_wall(clutter.closet(rng), 40)
         elif space.against_wall(furniture.wardrobe(rng), 40):
             mirrors.append(_front(space.placed[-1], rng))
         space.rng = own
@@ -321,11 +277,11 @@ def _in_doorways(home: Home, room: Room) -> list[Placed]:
         if hazard.kind == "clutter":
             for side in (-1, 1):
                 across = side * (home.wall_m / 2 + float(rng.uniform(0.3, 1.0)))
-                thing = (oddments.cable, oddments.toys)[int(rng.integers(2))](rng)
+                thing = (clutter.cable, clutter.toys)[int(rng.integers(2))](rng)
                 x, y = portal.point(middle + float(rng.normal(0, 0.12)), across)
                 out.append(Placed(thing, x, y, float(rng.uniform(0, 360)), room.index))
             continue
-        somebody = clutter.person(rng) if hazard.kind == "person" else oddments.pet(rng)
+        somebody = clutter.person(rng) if hazard.kind == "person" else clutter.pet(rng)
         spread = max((high - low) / 2 - 0.3, 0.02)
         along = middle + float(rng.uniform(-spread, spread)) / 2
         x, y = portal.point(along, float(rng.uniform(-0.05, 0.05)))
@@ -344,9 +300,10 @@ def furnish(home: Home) -> Furnished:
     for room in home.rooms:
         space = _Room(home, room, rng)
         mirrors += _built_in(space)
-        for maker, chance, wall in ROOMS.get(room.kind, ()):
-            if rng.random() < chance * full:
-                (space.against_wall if wall else space.inside)(maker(rng))
+        for name, chance in map(str.split, ROOMS[room.kind].split(",")):
+            if rng.random() < float(chance) * full:
+                put = space.inside if name in _FREE else space.against_wall
+                put(getattr(furniture, name)(rng))
         for portal in home.portals_of(room.index):
             if portal.is_open and rng.random() < 0.2:
                 _block(space, rng, portal)

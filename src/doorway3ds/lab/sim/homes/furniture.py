@@ -28,6 +28,8 @@ from doorway3ds.lab.sim.homes.mesh import (
 Rng = np.random.Generator
 Part = tuple[str, Mesh]
 X, Y, Z = np.eye(3)
+SIDES = (-1, 1)
+_VASE = ((0.0, 0.0), (0.6, 0.0), (1.0, 1.2), (0.35, 2.6), (0.5, 3.0))  # radius and height by radius
 
 
 @dataclass(frozen=True)
@@ -78,11 +80,8 @@ def cloth(rng: Rng) -> str:
 def legs(
     paint: str, w: float, d: float, h: float, r: float = 0.02, inset: float = 0.05
 ) -> list[Part]:
-    return [
-        (paint, box((2 * r, 2 * r, h), (sx * (w / 2 - inset), sy * (d / 2 - inset), h / 2)))
-        for sx in (-1, 1)
-        for sy in (-1, 1)
-    ]
+    x, y, size = w / 2 - inset, d / 2 - inset, (2 * r, 2 * r, h)
+    return [(paint, box(size, (sx * x, sy * y, h / 2))) for sx in SIDES for sy in SIDES]
 
 
 def fronts(
@@ -135,9 +134,8 @@ def dresser(rng: Rng) -> Item:
     w, d, h = rng.uniform(0.45, 1.4), rng.uniform(0.38, 0.5), rng.uniform(0.45, 1.1)
     paint = body_paint(rng)
     parts: list[Part] = [(paint, box((w, d, h - 0.06), (0, 0, 0.06 + (h - 0.06) / 2)))]
-    parts += fronts(
-        rng, paint, w, d / 2, 0.08, h - 0.03, 1 if w < 0.8 else 2, max(2, round(h / 0.25))
-    )
+    columns, rows = 1 if w < 0.8 else 2, max(2, round(h / 0.25))
+    parts += fronts(rng, paint, w, d / 2, 0.08, h - 0.03, columns, rows)
     parts += on_top(rng, w, d, h)
     return Item("dresser", (w, d, h), tuple(parts))
 
@@ -150,14 +148,7 @@ def on_top(rng: Rng, w: float, d: float, h: float) -> list[Part]:
         kind = rng.random()
         if kind < 0.3:
             r = rng.uniform(0.04, 0.09)
-            profile = [
-                (0.0, 0.0),
-                (r * 0.6, 0.0),
-                (r, r * 1.2),
-                (r * 0.35, r * 2.6),
-                (r * 0.5, r * 3),
-            ]
-            out.append((vivid(rng), lathe(profile, (x, y, h))))
+            out.append((vivid(rng), lathe([(r * a, r * z) for a, z in _VASE], (x, y, h))))
         elif kind < 0.55:
             for k in range(int(rng.integers(1, 5))):
                 out.append((vivid(rng), box((0.22, 0.16, 0.03), (x, y, h + 0.015 + 0.03 * k))))
@@ -191,23 +182,13 @@ def chair(rng: Rng) -> Item:
     back = rng.uniform(0.8, 1.0)
     parts: list[Part] = legs(frame, w, w, seat, 0.017, 0.03)
     parts.append((pad, rounded_box((w, w, 0.05), 0.015, (0, 0, seat))))
-    for sx in (-1, 1):
-        parts.append(
-            (
-                frame,
-                box(
-                    (0.03, 0.03, back - seat),
-                    (sx * (w / 2 - 0.03), -w / 2 + 0.02, (back + seat) / 2),
-                ),
-            )
-        )
+    y, post = -w / 2 + 0.02, (0.03, 0.03, back - seat)
+    parts += [(frame, box(post, (s * (w / 2 - 0.03), y, (back + seat) / 2))) for s in SIDES]
     if rng.random() < 0.5:
-        parts.append((pad, box((w - 0.05, 0.025, 0.3), (0, -w / 2 + 0.02, back - 0.16))))
+        parts.append((pad, box((w - 0.05, 0.025, 0.3), (0, y, back - 0.16))))
     else:
-        for k in range(3):
-            parts.append(
-                (frame, box((w - 0.05, 0.02, 0.045), (0, -w / 2 + 0.02, back - 0.03 - 0.13 * k)))
-            )
+        bar = (w - 0.05, 0.02, 0.045)
+        parts += [(frame, box(bar, (0, y, back - 0.03 - 0.13 * k))) for k in range(3)]
     return Item("chair", (w, w, back), tuple(parts))
 
 
@@ -221,10 +202,8 @@ def office_chair(rng: Rng) -> Item:
     ]
     for a in np.arange(5) * 2 * np.pi / 5:
         tip = (0.3 * float(np.cos(a)), 0.3 * float(np.sin(a)), 0.05)
-        parts += [
-            (dark, rod((0, 0, 0.09), tip, 0.018, 6)),
-            (dark, ball((0.03, 0.03, 0.03), tip, 6)),
-        ]
+        foot = ball((0.03, 0.03, 0.03), tip, 6)
+        parts += [(dark, rod((0, 0, 0.09), tip, 0.018, 6)), (dark, foot)]
     return Item("office_chair", (0.6, 0.6, 1.1), tuple(parts))
 
 
@@ -265,7 +244,7 @@ def bookshelf(rng: Rng) -> Item:
     paint, t = body_paint(rng), 0.022
     rows = max(2, round(h / 0.36))
     parts: list[Part] = [(paint, box((w, 0.012, h), (0, -d / 2 + 0.006, h / 2)))]
-    parts += [(paint, box((t, d, h), (s * (w - t) / 2, 0, h / 2))) for s in (-1, 1)]
+    parts += [(paint, box((t, d, h), (s * (w - t) / 2, 0, h / 2))) for s in SIDES]
     for i in range(rows + 1):
         z = min(0.05 + i * (h - 0.06) / rows, h - t / 2)
         parts.append((paint, box((w, d, t), (0, 0, z))))
@@ -283,24 +262,21 @@ def sofa(rng: Rng, seats: int | None = None) -> Item:
     arm, sw = rng.uniform(0.12, 0.24), rng.uniform(0.58, 0.72)
     w, d, h = n * sw + 2 * arm, rng.uniform(0.8, 0.98), rng.uniform(0.72, 0.92)
     paint = cloth(rng)
+    high = h - 0.1
     parts: list[Part] = [
         (paint, rounded_box((w, d - 0.05, 0.26), 0.04, (0, 0, 0.21))),
-        (
-            paint,
-            rounded_box((w - 0.02, 0.22, h - 0.1), 0.07, (0, -d / 2 + 0.12, 0.1 + (h - 0.1) / 2)),
-        ),
+        (paint, rounded_box((w - 0.02, 0.22, high), 0.07, (0, -d / 2 + 0.12, 0.1 + high / 2))),
     ]
-    for s in (-1, 1):
-        parts.append((paint, rounded_box((arm, d, 0.5), 0.06, (s * (w - arm) / 2, 0, 0.33))))
+    side = (arm, d, 0.5)
+    parts += [(paint, rounded_box(side, 0.06, (s * (w - arm) / 2, 0, 0.33))) for s in SIDES]
     for i in range(n):
         x = (i - (n - 1) / 2) * sw
         parts.append((paint, rounded_box((sw - 0.01, d - 0.26, 0.17), 0.05, (x, 0.1, 0.4))))
         parts.append((paint, rounded_box((sw - 0.03, 0.18, 0.42), 0.07, (x, -d / 2 + 0.29, 0.64))))
         if rng.random() < 0.45:
-            cushion = rounded_box((0.4, 0.14, 0.38), 0.065).turned(
-                rotation_x(rng.uniform(-25, -10))
-            )
-            parts.append((cloth(rng), cushion.moved((x + rng.normal(0, 0.1), -d / 2 + 0.45, 0.66))))
+            lean = rotation_x(rng.uniform(-25, -10))
+            cushion, cover = rounded_box((0.4, 0.14, 0.38), 0.065).turned(lean), cloth(rng)
+            parts.append((cover, cushion.moved((x + rng.normal(0, 0.1), -d / 2 + 0.45, 0.66))))
     parts += legs("#2a2018", w, d, 0.1, 0.02, 0.08)
     return Item("sofa" if n > 1 else "armchair", (w, d, h), tuple(parts))
 
@@ -328,3 +304,91 @@ def tv_unit(rng: Rng) -> Item:
         ("#151516", box((0.3, 0.2, 0.1), (0, -0.05, h + 0.05))),
     ]
     return Item("tv", (w, d, h + th + 0.1), tuple(parts))
+
+
+def kitchen(rng: Rng) -> Item:
+    w, d = rng.uniform(1.8, 3.2), 0.62
+    paint, top = (
+        body_paint(rng),
+        grey(rng, 0.1, 0.9) if rng.random() < 0.6 else f"wood{rng.integers(3)}",
+    )
+    n = round(w / 0.6)
+    parts: list[Part] = [
+        ("#2b2b2b", box((w, d - 0.1, 0.1), (0, -0.05, 0.05))),
+        (paint, box((w, d - 0.03, 0.76), (0, -0.015, 0.48))),
+        (top, box((w + 0.02, d + 0.02, 0.04), (0, 0, 0.88))),
+        ("#1c1c1e", box((0.56, 0.48, 0.01), (w / 4, 0, 0.905))),
+        ("#9da0a3", box((0.5, 0.4, 0.012), (-w / 4, 0, 0.902))),
+        ("#c8cacc", rod((-w / 4, -0.22, 0.9), (-w / 4, -0.22, 1.18), 0.012)),
+        ("#c8cacc", rod((-w / 4, -0.22, 1.18), (-w / 4, -0.02, 1.14), 0.012)),
+    ]
+    parts += fronts(rng, paint, w, d / 2 - 0.03, 0.11, 0.85, n, 1)
+    if rng.random() < 0.75:
+        parts.append((paint, box((w, 0.33, 0.68), (0, -d / 2 + 0.165, 1.76))))
+        parts += fronts(rng, paint, w, -d / 2 + 0.33, 1.43, 2.09, n, 1)
+    parts.append(("#111113", box((0.55, 0.015, 0.42), (w / 4, d / 2, 0.5))))
+    parts += [(p, m.moved((0, -0.1, 0))) for p, m in on_top(rng, w, d, 0.9)]
+    return Item("kitchen", (w, d, 2.1), tuple(parts))
+
+
+def fridge(rng: Rng) -> Item:
+    w, d, h = 0.6, 0.64, rng.uniform(1.4, 2.0)
+    paint = grey(rng, 0.55, 0.97)
+    cut = h * rng.choice([0.35, 0.68])
+    parts: list[Part] = [(paint, box((w, d - 0.05, h), (0, -0.025, h / 2)))]
+    for z0, z1 in ((0.04, cut), (cut + 0.01, h)):
+        parts.append(
+            (paint, rounded_box((w, 0.05, z1 - z0), 0.02, (0, d / 2 - 0.025, (z0 + z1) / 2)))
+        )
+        grip = z1 - 0.2 if z1 == cut else z0 + 0.2
+        parts.append(("#77797c", box((0.02, 0.03, 0.3), (w / 2 - 0.05, d / 2 + 0.01, grip))))
+    return Item("fridge", (w, d, h), tuple(parts))
+
+
+def washer(rng: Rng) -> Item:
+    ring = lathe([(0.13, 0.0), (0.2, 0.0), (0.2, 0.03), (0.13, 0.03)], n=20).turned(rotation_x(-90))
+    glass = cylinder(0.13, 0.02, n=20).turned(rotation_x(-90))
+    parts: list[Part] = [
+        (grey(rng, 0.85, 0.97), rounded_box((0.6, 0.56, 0.85), 0.015, (0, 0, 0.425), 1)),
+        ("#b7babd", ring.moved((0, 0.28, 0.42))),
+        ("#15181c", glass.moved((0, 0.285, 0.42))),
+        ("#d5d8da", box((0.58, 0.01, 0.1), (0, 0.284, 0.77))),
+    ]
+    return Item("washer", (0.6, 0.6, 0.85), tuple(parts))
+
+
+def bathtub(rng: Rng) -> Item:
+    w, d, h = rng.uniform(1.5, 1.8), 0.75, 0.56
+    white = "#f0f0ee"
+    parts: list[Part] = [(white, box((w, 0.06, h), (0, s * (d / 2 - 0.03), h / 2))) for s in SIDES]
+    parts += [(white, box((0.08, d, h), (s * (w / 2 - 0.04), 0, h / 2))) for s in SIDES]
+    parts.append((white, box((w, d, 0.15), (0, 0, 0.075))))
+    if rng.random() < 0.5:
+        parts.append(("curtain", box((w * 0.5, 0.03, 1.6), (w * 0.2, d / 2 - 0.03, 1.2))))
+    return Item("bathtub", (w, d, h), tuple(parts))
+
+
+def toilet(rng: Rng) -> Item:
+    white = "#f2f2f0"
+    bowl = lathe(
+        [(0.1, 0.0), (0.12, 0.1), (0.17, 0.36), (0.19, 0.4), (0.19, 0.43), (0.0, 0.43)], squash=1.25
+    )
+    parts: list[Part] = [
+        (white, bowl.moved((0, 0.08, 0))),
+        (white, rounded_box((0.38, 0.18, 0.38), 0.03, (0, -0.24, 0.6))),
+        (white, box((0.2, 0.3, 0.38), (0, -0.15, 0.19))),
+    ]
+    return Item("toilet", (0.4, 0.66, 0.8), tuple(parts))
+
+
+def basin(rng: Rng) -> Item:
+    w = rng.uniform(0.5, 0.9)
+    paint = body_paint(rng)
+    parts: list[Part] = [
+        (paint, box((w, 0.44, 0.6), (0, 0, 0.5))),
+        ("#f4f4f2", rounded_box((w + 0.02, 0.48, 0.1), 0.03, (0, 0, 0.83))),
+        ("#b9bcc0", rod((0, -0.18, 0.86), (0, -0.18, 1.02), 0.014)),
+        ("#b9bcc0", rod((0, -0.18, 1.02), (0, -0.04, 1.0), 0.012)),
+    ]
+    parts += fronts(rng, paint, w, 0.22, 0.22, 0.78, 2, 1)
+    return Item("basin", (w, 0.5, 0.9), tuple(parts))

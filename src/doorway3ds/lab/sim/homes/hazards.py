@@ -93,6 +93,11 @@ def add_stairs(home: Home, rng: Rng, kind: str, place: str) -> Home | None:
 Spot = tuple[Room, Rect, int, tuple[int, ...]]
 
 
+def _rect(axis: int, along: tuple[float, float], across: tuple[float, float]) -> Rect:
+    (a0, a1), (b0, b1) = along, across
+    return (a0, b0, a1, b1) if axis == 0 else (b0, a0, b1, a1)
+
+
 def _mats(home: Home, room: Room, but: Portal | None = None) -> list[Rect]:
     """The floor before a room's doorways, but one."""
     return [
@@ -119,15 +124,13 @@ def _corridor_end(home: Home, rng: Rng) -> Spot | None:
     room = corridors[int(rng.integers(len(corridors)))]
     x0, y0, x1, y1 = room.inner(home.wall_m)
     axis = 0 if x1 - x0 >= y1 - y0 else 1
-    span = (x1 - x0, y1 - y0)[axis]
-    if span < 4.5:
+    (low, high), across = ((x0, x1), (y0, y1))[:: 1 - 2 * axis]
+    if high - low < 4.5:
         return None
-    length = float(rng.uniform(1.6, min(3.2, 0.5 * span)))
+    length = float(rng.uniform(1.6, min(3.2, 0.5 * (high - low))))
     if rng.random() < 0.5:  # begins at its low side, ends at the corridor's high end
-        rect = (x1 - length, y0, x1, y1) if axis == 0 else (x0, y1 - length, x1, y1)
-        return room, rect, 2 * axis, ()
-    rect = (x0, y0, x0 + length, y1) if axis == 0 else (x0, y0, x1, y0 + length)
-    return room, rect, 2 * axis + 1, ()
+        return room, _rect(axis, (high - length, high), across), 2 * axis, ()
+    return room, _rect(axis, (low, low + length), across), 2 * axis + 1, ()
 
 
 def _in_room(home: Home, rng: Rng) -> Spot | None:
@@ -148,7 +151,7 @@ def _in_room(home: Home, rng: Rng) -> Spot | None:
             at = float(rng.uniform(low, high - long))
             near = inner[(0, 2, 1, 3)[wall]]
             off = (near, near + wide) if wall % 2 == 0 else (near - wide, near)
-            rect = (at, off[0], at + long, off[1]) if axis == 0 else (off[0], at, off[1], at + long)
+            rect = _rect(axis, (at, at + long), off)
             start = int(rng.integers(2))
             room_before = (at - low if start == 0 else high - at - long) > 0.85
             if room_before and not any(overlap(rect, m, 0.1) for m in mats):
@@ -182,7 +185,7 @@ def _behind(home: Home, rng: Rng) -> Spot | None:
         if side == 0:
             begin = portal.wall - home.wall_m / 2 - landing
             span = (begin - long, begin)
-        rect = (span[0], low, span[1], high) if axis == 0 else (low, span[0], high, span[1])
+        rect = _rect(axis, span, (low, high))
         if not any(overlap(rect, m) for m in _mats(home, room, portal)):
             return room, rect, 2 * axis + (1 - side), ()
     return None

@@ -76,29 +76,9 @@ def steps(start: float, stop: float, pitch: float) -> Float:
     return np.linspace(start, stop, max(2, int(np.ceil((stop - start) / pitch)) + 1))
 
 
-def _unit_box() -> tuple[Float, Float, Float, Int, Int]:
-    """Corners (24, 3) in -0.5..0.5, normals, uv corners in 0..1, axes of uv, faces."""
-    eye = np.eye(3)
-    parts, axes = [], []
-    for axis, (u, v) in ((0, (1, 2)), (1, (0, 2)), (2, (0, 1))):
-        for sign in (-1.0, 1.0):
-            normal = eye[axis] * sign
-            ticks = np.array([0.0, 1.0])
-            start = (normal - eye[u] - eye[v]) / 2
-            parts.append(sheet(start, eye[u], eye[v], ticks, ticks, normal))
-            axes += [(u, v)] * 4
-    whole = join(parts)
-    return whole.vertices, whole.normals, whole.uv, np.array(axes), whole.faces
-
-
-_UNIT_BOX = _unit_box()
-
-
 def box(size: tuple[float, float, float], centre: tuple[float, float, float] = (0, 0, 0)) -> Mesh:
     """A sharp box; texture runs along each face in metres, upright on the sides."""
-    corners, normals, uv, axes, faces = _UNIT_BOX
-    edges = np.asarray(size, float)
-    return Mesh(corners * edges + np.asarray(centre), normals, uv * edges[axes], faces)
+    return rounded_box(size, 0.0, centre, 0)
 
 
 @cache

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.lab.sim.homes.apartment import Home, Portal, Room, WallSpan
-from doorway3ds.lab.sim.homes.furniture import Part
+from doorway3ds.lab.sim.homes.furniture import SIDES, Part, X, Y, Z
 from doorway3ds.lab.sim.homes.mesh import Mesh, box, extrude, rod, rounded_box, sheet, steps
 
 LINING_M = 0.025
 LEAF_M = 0.04
-X, Y, Z = np.eye(3)
 INWARD = (X, -X, Y, -Y)
 
 
@@ -95,6 +94,15 @@ def leaf_of(home: Home, portal: Portal) -> Leaf | None:
     return Leaf(x, y, (float(direction[0]), float(direction[1])), length, portal.height - 0.006)
 
 
+def _bars(
+    w: float, h: float, bar: float, t: float, at: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> list[Mesh]:
+    """A frame of bars, w by h: two upright, then two across; at: the middle of its lower edge."""
+    x, y, z = at
+    upright = [box((bar, t, h), (x + s * (w - bar) / 2, y, z + h / 2)) for s in SIDES]
+    return upright + [box((w, t, bar), (x, y, z + k)) for k in (bar / 2, h - bar / 2)]
+
+
 def leaf_parts(leaf: Leaf, style: int, paint: str) -> list[Part]:
     """A leaf with panels, a glazed field or all of glass, and handles on both sides."""
     yaw = float(np.degrees(np.arctan2(leaf.direction[1], leaf.direction[0])))
@@ -102,16 +110,11 @@ def leaf_parts(leaf: Leaf, style: int, paint: str) -> list[Part]:
     parts: list[Part] = []
     if style == 5:
         rail = 0.11
-        parts += [(paint, box((rail, t, h), (s * (w - rail) / 2, 0, h / 2))) for s in (-1, 1)]
-        parts += [
-            (paint, box((w, t, 0.12), (0, 0, h - 0.06))),
-            (paint, box((w, t, 0.7), (0, 0, 0.35))),
-        ]
-        parts.append((paint, box((w, t * 0.6, 0.03), (0, 0, 1.35))))
+        parts += [(paint, box((rail, t, h), (s * (w - rail) / 2, 0, h / 2))) for s in SIDES]
+        across = (t, 0.12, h - 0.06), (t, 0.7, 0.35), (t * 0.6, 0.03, 1.35)
+        parts += [(paint, box((w, deep, high), (0, 0, z))) for deep, high, z in across]
     elif style == 6:
-        rail = 0.05
-        parts += [(paint, box((rail, t, h), (s * (w - rail) / 2, 0, h / 2))) for s in (-1, 1)]
-        parts += [(paint, box((w, t, rail), (0, 0, z))) for z in (rail / 2, h - rail / 2)]
+        parts += [(paint, mesh) for mesh in _bars(w, h, 0.05, t)]
     else:
         parts.append((paint, box((w, t, h), (0, 0, h / 2))))
         rows = {
@@ -124,15 +127,11 @@ def leaf_parts(leaf: Leaf, style: int, paint: str) -> list[Part]:
             for c in range(columns):
                 cw = (w - 0.2) / columns - 0.04
                 cx = (c - (columns - 1) / 2) * (cw + 0.08)
-                parts.append((paint, box((cw, t + 0.014, high - low), (cx, 0, (low + high) / 2))))
-                parts.append(
-                    (
-                        paint,
-                        box((cw - 0.08, t + 0.03, high - low - 0.08), (cx, 0, (low + high) / 2)),
-                    )
-                )
+                at, ch = (cx, 0.0, (low + high) / 2), high - low
+                parts.append((paint, box((cw, t + 0.014, ch), at)))
+                parts.append((paint, box((cw - 0.08, t + 0.03, ch - 0.08), at)))
     x = w / 2 - 0.07
-    for s in (-1, 1):
+    for s in SIDES:
         y = s * (t / 2 + 0.045)
         parts.append(("#a9aaac", rod((x, s * t / 2, 1.03), (x, y, 1.03), 0.009, 6)))
         parts.append(("#a9aaac", rod((x, y, 1.03), (x - 0.12, y, 1.03), 0.009, 6)))
@@ -157,7 +156,7 @@ def frame_parts(home: Home, portal: Portal, trim: str, wall_paint: str) -> list[
     pad = LINING_M
     height = top - sill
     parts: list[Part] = [
-        (paint, box((pad, t, height), (s * (w + pad) / 2, 0, sill + height / 2))) for s in (-1, 1)
+        (paint, box((pad, t, height), (s * (w + pad) / 2, 0, sill + height / 2))) for s in SIDES
     ]
     parts.append((paint, box((w + 2 * pad, t, pad), (0, 0, top + pad / 2))))
     if sill > 0:
@@ -166,7 +165,7 @@ def frame_parts(home: Home, portal: Portal, trim: str, wall_paint: str) -> list[
         cw = 0.05 + 0.01 * (portal.style % 4)
         proud = t + 0.03
         base = sill - (cw if sill > 0 else 0)
-        for s in (-1, 1):
+        for s in SIDES:
             x = s * (w / 2 + pad * 0.6 + cw / 2)
             parts.append((trim, box((cw, proud, top + cw - base), (x, 0, (base + top + cw) / 2))))
         span = w + 2 * (pad * 0.6 + cw)
@@ -193,7 +192,7 @@ def _arch(w: float, t: float, top: float, paint: str) -> list[Part]:
     rise = min(0.32, w / 2)
     angles = np.linspace(0, np.pi / 2, 7)
     out: list[Part] = []
-    for s in (-1, 1):
+    for s in SIDES:
         for a, b in pairwise(angles):
             p = [(w / 2 - rise + rise * np.cos(k), top - rise + rise * np.sin(k)) for k in (a, b)]
             quad = [(w / 2, p[0][1]), (w / 2, p[1][1]), p[1], p[0]]
@@ -206,27 +205,14 @@ def _folds(portal: Portal) -> list[Part]:
     """A drawn curtain that fills the opening."""
     count = max(4, round(portal.width / 0.11))
     fold, drop = portal.width / count, portal.height - 0.05
-    return [
-        (
-            "curtain",
-            rounded_box(
-                (fold * 1.15, 0.06, drop),
-                0.025,
-                (-portal.width / 2 + (k + 0.5) * fold, 0.02 * (-1) ** k, 0.03 + drop / 2),
-                1,
-            ),
-        )
-        for k in range(count)
-    ]
+    size, low, z = (fold * 1.15, 0.06, drop), -portal.width / 2, 0.03 + drop / 2
+    places = [(low + (k + 0.5) * fold, 0.02 * (-1) ** k, z) for k in range(count)]
+    return [("curtain", rounded_box(size, 0.025, at, 1)) for at in places]
 
 
 def _window_bars(portal: Portal, t: float, trim: str) -> list[Part]:
-    w, low, high = portal.width, portal.sill, portal.height
-    bar, h = 0.05, portal.height - portal.sill
-    parts: list[Part] = [
-        (trim, box((bar, 0.06, h), (s * (w - bar) / 2, 0, low + h / 2))) for s in (-1, 1)
-    ]
-    parts += [(trim, box((w, 0.06, bar), (0, 0, z))) for z in (low + bar / 2, high - bar / 2)]
+    w, low, h = portal.width, portal.sill, portal.height - portal.sill
+    parts: list[Part] = [(trim, mesh) for mesh in _bars(w, h, 0.05, 0.06, (0.0, 0.0, low))]
     fields = max(1, round(w / 0.8))
     for i in range(1, fields):
         parts.append((trim, box((0.08, 0.06, h), (-w / 2 + i * w / fields, 0, low + h / 2))))
@@ -245,8 +231,7 @@ def _sliding(portal: Portal, t: float, trim: str) -> list[Part]:
     for k, y in ((-1, -0.025), (1, 0.025)):
         side = portal.hinge if portal.state == "sliding_open" else k
         c = side * half / 2
-        out += [(trim, box((bar, 0.04, h), (c + s * (half - bar) / 2, y, h / 2))) for s in (-1, 1)]
-        out += [(trim, box((half, 0.04, bar), (c, y, z))) for z in (0.03, h - 0.03)]
+        out += [(trim, mesh) for mesh in _bars(half, h, bar, 0.04, (c, y, 0.0))]
     return out
 
 
@@ -270,7 +255,7 @@ def balcony(home: Home, portal: Portal) -> list[Part]:
         x = -w / 2 + 0.12 * i
         parts.append(("#5b5f63", box((0.015, 0.015, 1.0), (x, out * (t + d - 0.03), 0.5))))
     parts.append(("#5b5f63", box((w, 0.05, 0.04), (0, out * (t + d - 0.03), 1.02))))
-    for s in (-1, 1):
+    for s in SIDES:
         parts.append(("#c9c6bf", box((0.08, d, 1.04), (s * w / 2, out * (t + d / 2), 0.52))))
     return [(p, _in_wall(portal, m)) for p, m in parts]
 
