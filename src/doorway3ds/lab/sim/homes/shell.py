@@ -140,7 +140,7 @@ def leaf_parts(leaf: Leaf, style: int, paint: str) -> list[Part]:
 
 
 def glass_of_leaf(
-    leaf: Leaf, style: int = 5
+    leaf: Leaf, style: int
 ) -> tuple[tuple[float, float, float], float, tuple[float, float]]:
     """(middle, yaw, (width, height)) of a glazed leaf's pane."""
     yaw = float(np.degrees(np.arctan2(leaf.direction[1], leaf.direction[0])))

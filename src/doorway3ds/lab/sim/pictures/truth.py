@@ -25,14 +25,7 @@ LEAST_STEPS = 0.008  # of the picture
 STANDING_STATES = ("wardrobe", "closet", "person", "pet")
 LEAST_OBSTACLE = 0.001  # of the picture
 SEEN_ENOUGH = 0.25  # of what the picture shows of the opening, column by column
-
-
-@dataclass(frozen=True)
-class Footprint:
-    """What must pass: NAO's width, and the height below which things are in the way."""
-
-    width_m: float = 0.28
-    height_m: float = 1.3
+WIDTH_M, HEIGHT_M = 0.28, 1.3  # what must pass: NAO's width, and what is in its way
 
 
 @dataclass(frozen=True)
@@ -102,12 +95,8 @@ def _hidden_by_leaf(leaf: Leaf, lens: Float, rays: Float, reach: Float) -> NDArr
             at = (offset @ n + face) / (rays @ n)
             along = at * (rays @ d) - offset @ d
             high = lens[2] + at * rays[..., 2]
-            hidden |= (
-                (at > 0)
-                & (at <= reach)
-                & (np.abs(along) <= leaf.length / 2)
-                & (high <= leaf.height)
-            )
+            on = (np.abs(along) <= leaf.length / 2) & (high <= leaf.height)
+            hidden |= on & (at > 0) & (at <= reach)
     return hidden
 
 
@@ -192,23 +181,18 @@ def _through(
 
 def _jambs(home_wall_m: float, portal: Portal, view: _View) -> tuple[float, float]:
     """(left, right) bearings between which the opening is free, both faces of the wall counted."""
-    low, high = portal.free
-    ends = []
-    for along in (low, high):
-        ends.append(
-            [
-                view.azimuth_of(np.array(portal.point(along, across)))
-                for across in (-home_wall_m / 2, home_wall_m / 2)
-            ]
-        )
-    a, b = (ends[0], ends[1]) if np.mean(ends[0]) > np.mean(ends[1]) else (ends[1], ends[0])
-    return min(a), max(b)
+    faces = (-home_wall_m / 2, home_wall_m / 2)
+    ends = [
+        [view.azimuth_of(np.array(portal.point(along, across))) for across in faces]
+        for along in portal.free
+    ]
+    left, right = sorted(ends, key=np.mean, reverse=True)
+    return min(left), max(right)
 
 
-def _opening(
-    furnished: Furnished, plan: Plan, view: _View, index: int, room: int, footprint: Footprint
-) -> OpeningTruth | None:
-    home, camera = furnished.home, view.camera
+def _opening(plan: Plan, view: _View, index: int, room: int) -> OpeningTruth | None:
+    furnished, camera = plan.furnished, view.camera
+    home = furnished.home
     portal = home.portals[index]
     inside, seen = _through(furnished, view, portal)
     if seen.sum() < 12:
@@ -255,8 +239,8 @@ def _opening(
     # A wide passage, or one of which a single jamb is seen, is a matter of taste.
     if portal.state == "archway" and (portal.width > 1.6 or cut is not None):
         sure = min(sure, 2)
-    way = way_to(plan, start, target, portal, footprint.width_m)
-    on_floor, obstacle = _on_the_way(view, target, portal, footprint)
+    way = way_to(plan, start, target, portal, WIDTH_M)
+    on_floor, obstacle = _on_the_way(view, target, portal)
     clear: bool | None = None
     if way is Way.FREE and on_floor > 0:
         clear = True
@@ -294,9 +278,7 @@ def _on_wall(portal: Portal, view: _View, azimuth: float) -> Float | None:
     return np.asarray(view.lens[:2] + reach * direction) if reach > 0 else None
 
 
-def _on_the_way(
-    view: _View, target: Float, portal: Portal, footprint: Footprint
-) -> tuple[float, float]:
+def _on_the_way(view: _View, target: Float, portal: Portal) -> tuple[float, float]:
     """Shares of the picture that show floor, and obstacles or drops, on the way to the sill."""
     start = np.array([view.eye.x, view.eye.y])
     run = target - start
@@ -308,12 +290,12 @@ def _on_the_way(
         off = plan_points - start
         forward, aside = off @ ahead, off @ np.array([-ahead[1], ahead[0]])
         before = (plan_points[..., portal.axis] - portal.wall) * side > 0
-        strip = (forward > 0) & (forward < length) & (np.abs(aside) < footprint.width_m / 2)
+        strip = (forward > 0) & (forward < length) & (np.abs(aside) < WIDTH_M / 2)
         return np.asarray(strip & before)
 
     z = view.points[..., 2]
     strip = within(view.points[..., :2])
-    high = strip & (z > LOW_M) & (z < footprint.height_m)
+    high = strip & (z > LOW_M) & (z < HEIGHT_M)
     drop = within(view.on_ground()) & (z < -LOW_M)
     return float((strip & (np.abs(z) < FLOOR_M)).mean()), float((high | drop).mean())
 
@@ -342,13 +324,7 @@ def _states(furnished: Furnished, view: _View, room: int) -> tuple[str, ...]:
     return tuple(state for _, state in sorted(found))
 
 
-def truth_of(
-    plan: Plan,
-    camera: Camera,
-    eye: Eye,
-    depth: NDArray[np.float32],
-    footprint: Footprint = Footprint(),
-) -> Truth:
+def truth_of(plan: Plan, camera: Camera, eye: Eye, depth: NDArray[np.float32]) -> Truth:
     """Truth of one picture from its plan and its exact depth (H, W), nan for the sky."""
     furnished = plan.furnished
     view = _View(camera, eye, depth)
@@ -359,14 +335,11 @@ def truth_of(
     found = []
     for index, portal in enumerate(furnished.home.portals):
         if portal.is_open and room.index in portal.rooms:
-            opening = _opening(furnished, plan, view, index, room.index, footprint)
+            opening = _opening(plan, view, index, room.index)
             if opening is not None:
                 found.append(opening)
     width = camera.width
-    counted = [
-        o for o in found if (o.right_px - o.left_px) / width >= LEAST_WIDTH and o.area >= LEAST_AREA
-    ]
-    counted.sort(key=lambda o: -o.area)
-    return Truth(
-        tuple(counted), floor, len(counted) < len(found), _states(furnished, view, room.index)
-    )
+    wide = [o for o in found if (o.right_px - o.left_px) / width >= LEAST_WIDTH]
+    counted = sorted((o for o in wide if o.area >= LEAST_AREA), key=lambda o: -o.area)
+    states = _states(furnished, view, room.index)
+    return Truth(tuple(counted), floor, len(counted) < len(found), states)

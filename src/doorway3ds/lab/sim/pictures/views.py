@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from doorway3ds.camera.model import Camera, Pose, wrapped_deg
-from doorway3ds.lab.sim.homes.apartment import Room
+from doorway3ds.lab.sim.homes.apartment import Portal, Room
 from doorway3ds.lab.sim.homes.plan import Plan
 from doorway3ds.lab.sim.render.renderer import Eye
 
@@ -102,23 +102,16 @@ def choose(rng: Rng, plan: Plan, camera: Camera, want_open: bool, tries: int = 6
                 continue
             heading = _bearing(x, y, aim) + rng.uniform(-0.9, 0.9) * half
         else:
+            own = [p for p in plan.furnished.standing if p.room == room.index]
             marks = [p.point(0.0) for p in portals if not p.is_open]
             marks += [(m.x, m.y) for m in plan.furnished.mirrors if m.room == room.index] * 2
-            marks += [
-                (p.x, p.y)
-                for p in plan.furnished.standing
-                if p.room == room.index and p.item.size[2] > 1.2
-            ]
-            closed = [p.point(0.0) for p in portals if p.state == "closed"]
-            marks += closed * 3
+            marks += [(p.x, p.y) for p in own if p.item.size[2] > 1.2]
+            marks += [p.point(0.0) for p in portals if p.state == "closed"] * 3
             heading = float(rng.uniform(0, 360))
             if marks and rng.random() < 0.8:
                 heading = _bearing(x, y, marks[int(rng.integers(len(marks)))])
                 heading += rng.uniform(-0.6, 0.6) * half
-            if any(
-                _in_view(p.point(-p.width / 2), p.point(p.width / 2), x, y, heading, half)
-                for p in doors
-            ):
+            if any(_in_view(p, x, y, heading, half) for p in doors):
                 continue
         if _ahead(plan, room, x, y, heading) < rng.uniform(0.7, 1.4):
             continue
@@ -141,8 +134,6 @@ def look_at(
     return None
 
 
-def _in_view(
-    a: tuple[float, float], b: tuple[float, float], x: float, y: float, heading: float, half: float
-) -> bool:
-    middle = ((a[0] + b[0]) / 2, (a[1] + b[1]) / 2)
-    return any(abs(wrapped_deg(_bearing(x, y, p) - heading)) < half + 4 for p in (a, middle, b))
+def _in_view(portal: Portal, x: float, y: float, heading: float, half: float) -> bool:
+    points = [portal.point(k * portal.width / 2) for k in (-1, 0, 1)]
+    return any(abs(wrapped_deg(_bearing(x, y, p) - heading)) < half + 4 for p in points)

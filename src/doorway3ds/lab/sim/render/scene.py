@@ -25,12 +25,8 @@ PALETTE = 32  # colours a side in the picture of plain paints
 SKY_PX = 512
 LAMP_CUTOFF = 89  # nearly a half space: a narrower cone draws its edge on the walls
 ATLAS = 4  # pictures a side in the picture of pictures
-NAMES = (
-    [f"painting{i}" for i in range(6)]
-    + [f"books{i}" for i in range(3)]
-    + [f"screen{i}" for i in range(2)]
-    + [f"rug{i}" for i in range(4)]
-)
+_KINDS = {"painting": 6, "books": 3, "screen": 2, "rug": 4}
+NAMES = [f"{kind}{i}" for kind, count in _KINDS.items() for i in range(count)]
 
 
 def _own(rng: Rng) -> Rng:
@@ -96,9 +92,8 @@ def _paints(builder: Builder, rng: Rng) -> None:
     """Woods, cloths, pictures: what furniture is covered with."""
     for i in range(3):
         builder.texture(f"wood{i}", textures.wood(_own(rng), 160))
-        builder.material(
-            f"wood{i}", f"wood{i}", f'specular="{rng.uniform(0, 0.35):.2f}" shininess="0.4"'
-        )
+        shine = rng.uniform(0, 0.35)
+        builder.material(f"wood{i}", f"wood{i}", f'specular="{shine:.2f}" shininess="0.4"')
     for i in range(4):
         builder.texture(f"fabric{i}", textures.fabric(_own(rng), 128))
         builder.material(f"fabric{i}", f"fabric{i}", 'specular="0"')
@@ -167,7 +162,8 @@ def _room(
     return colour
 
 
-def _glass(x: float, y: float, z: float, yaw: float, w: float, h: float, tint: str) -> str:
+def _glass(at: tuple[float, float, float], yaw: float, size: tuple[float, float], tint: str) -> str:
+    (x, y, z), (w, h) = at, size
     return (
         f'<geom type="box" size="{w / 2:.4f} 0.003 {h / 2:.4f}" pos="{x:.4f} {y:.4f} {z:.4f}" '
         f'euler="0 0 {yaw:.3f}" rgba="{tint}"/>'
@@ -193,19 +189,16 @@ def _openings(
             kind = style if rng.random() < 0.8 else portal.style
             kind = GLASS if portal.style == GLASS else kind
             builder.add_all(room, shell.leaf_parts(leaf, kind, leaf_paint))
-            if kind == 5:
-                (x, y, z), yaw, (w, h) = shell.glass_of_leaf(leaf)
-                frosted = "0.85 0.9 0.9 0.75" if rng.random() < 0.6 else "0.8 0.9 0.9 0.2"
-                builder.geoms.append(_glass(x, y, z, yaw, w, h, frosted))
-            if kind == GLASS:
-                (x, y, z), yaw, (w, h) = shell.glass_of_leaf(leaf, GLASS)
-                builder.geoms.append(_glass(x, y, z, yaw, w, h, "0.75 0.85 0.85 0.14"))
+            if kind in (5, GLASS):
+                tint = "0.75 0.85 0.85 0.14"
+                if kind == 5:
+                    tint = "0.85 0.9 0.9 0.75" if rng.random() < 0.6 else "0.8 0.9 0.9 0.2"
+                builder.geoms.append(_glass(*shell.glass_of_leaf(leaf, kind), tint))
         for along, width, low, high in shell.panes(portal):
             x, y = portal.point(along)
             yaw = 90.0 if portal.axis == 0 else 0.0
-            builder.geoms.append(
-                _glass(x, y, (low + high) / 2, yaw, width, high - low, "0.75 0.85 0.85 0.12")
-            )
+            at, size = (x, y, (low + high) / 2), (width, high - low)
+            builder.geoms.append(_glass(at, yaw, size, "0.75 0.85 0.85 0.12"))
         if portal.state.startswith("sliding") and outer:
             builder.add_all(-1, shell.balcony(home, portal))
 
@@ -281,9 +274,8 @@ def build(
     trim = "#f1efe9" if home.style["trim"] < 0.75 else f"wood{rng.integers(3)}"
     common_floor = textures.FLOORS[rng.integers(len(textures.FLOORS))](_own(rng), ppm)
     if "floor" in home.style:
-        common_floor = textures.hazard_floor(
-            np.random.default_rng([0xF1, home.seed]), ppm, FLOORS[int(home.style["floor"])]
-        )
+        own = np.random.default_rng([0xF1, home.seed])
+        common_floor = textures.hazard_floor(own, ppm, FLOORS[int(home.style["floor"])])
     common_wall = textures.plaster(_own(rng), ppm)
     walls = []
     for room in home.rooms:
@@ -329,12 +321,9 @@ def build(
     builder.texture("palette", np.kron(palette, np.ones((4, 4, 1), np.float32)))
     builder.material("plain", "palette", 'specular="0.15" shininess="0.4"')
     builder.material("glow", "palette", 'emission="1" specular="0"')
+    outdoors = (1.0, 1.0, 1.0) if home.style["day"] else (0.15, 0.15, 0.2)
     for (index, group), parts in builder.groups.items():
-        light = (
-            home.rooms[index].light
-            if index >= 0
-            else ((1.0, 1.0, 1.0) if home.style["day"] else (0.15, 0.15, 0.2))
-        )
+        light = home.rooms[index].light if index >= 0 else outdoors
         name = f"{group.replace(':', '_')}_{index}"
         builder.geom(name, join(parts), group, light)
     sky = surfaces.skybox(_own(rng), SKY_PX, home.style["day"] > 0)
@@ -343,11 +332,9 @@ def build(
         k = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXTURE, name)
         start = int(model.tex_adr[k])
         model.tex_data[start : start + picture.size] = picture.ravel()
-    ids = tuple(
-        int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, f"mirror{k}"))
-        for k in range(len(furnished.mirrors))
-    )
-    return Scene(furnished, model, ids)
+    names = (f"mirror{k}" for k in range(len(furnished.mirrors)))
+    ids = (int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name)) for name in names)
+    return Scene(furnished, model, tuple(ids))
 
 
 def _xml(builder: Builder, home: Home, mirrors: list[str], size: tuple[int, int]) -> str:

@@ -27,15 +27,9 @@ def pinhole_for(camera: Camera, limit: tuple[int, int] = (1024, 768)) -> Camera:
     size = np.ceil((high - low) * f).astype(int) + 3
     size = np.minimum(size, limit)
     centre = -low * f + 0.5
-    return Camera(
-        "pinhole",
-        int(size[0]),
-        int(size[1]),
-        camera.fx,
-        camera.fy,
-        float(centre[0]),
-        float(centre[1]),
-    )
+    width, height = map(int, size)
+    cx, cy = map(float, centre)
+    return Camera("pinhole", width, height, camera.fx, camera.fy, cx, cy)
 
 
 def distort(
@@ -58,9 +52,8 @@ def distort(
     same = np.abs(smooth - nearest) < 0.02 * nearest
     out = np.where(same, smooth, nearest)
     with np.errstate(divide="ignore"):
-        return np.asarray(picture, np.uint8), np.where(out > 0, 1.0 / out, np.nan).astype(
-            np.float32
-        )
+        metres = np.where(out > 0, 1.0 / out, np.nan)
+    return np.asarray(picture, np.uint8), metres.astype(np.float32)
 
 
 def expose(rng: Rng, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:

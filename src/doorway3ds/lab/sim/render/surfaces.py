@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 
 from doorway3ds.lab.sim.homes.apartment import Room
 from doorway3ds.lab.sim.homes.furnish import Furnished, footprint
-from doorway3ds.lab.sim.homes.shell import INWARD, X, Y, Z
+from doorway3ds.lab.sim.homes.furniture import X, Y, Z
+from doorway3ds.lab.sim.homes.shell import INWARD
 from doorway3ds.lab.sim.render import textures
 
 Rng = np.random.Generator
 Picture = NDArray[np.float32]
+Face = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""Where a face begins, its two axes and its normal."""
 
 
 def repeat(tile: Picture, height: int, width: int) -> Picture:
@@ -62,38 +65,30 @@ def light_on(glow: Glow, points: NDArray[np.float64], normal: NDArray[np.float64
     return (0.62 + 0.3 * np.clip(level, 0, 2.0) ** 0.8).astype(np.float32)
 
 
-def edge_shade(height: int, width: int, ppm: float, sides: str = "lrbt") -> Picture:
+def edge_shade(height: int, width: int, ppm: float) -> Picture:
     """Darkening towards the edges where faces meet; rows go up."""
-    x = (np.arange(width) + 0.5) / ppm
-    y = (np.arange(height) + 0.5) / ppm
+    x = ((np.arange(width) + 0.5) / ppm)[None, :]
+    y = ((np.arange(height) + 0.5) / ppm)[:, None]
     out = np.ones((height, width))
-    falls = {
-        "l": x[None, :],
-        "r": (width / ppm - x)[None, :],
-        "b": y[:, None],
-        "t": (height / ppm - y)[:, None],
-    }
-    for side in sides:
-        out = out * (1 - 0.22 * np.exp(-falls[side] / 0.16) - 0.1 * np.exp(-falls[side] / 0.6))
+    for away in (x, width / ppm - x, y, height / ppm - y):
+        out = out * (1 - 0.22 * np.exp(-away / 0.16) - 0.1 * np.exp(-away / 0.6))
     return out.astype(np.float32)
 
 
-def _lightmap(
-    glow: Glow,
-    start: NDArray[np.float64],
-    u: NDArray[np.float64],
-    v: NDArray[np.float64],
-    normal: NDArray[np.float64],
-    shape: tuple[int, int],
-    ppm: float,
-) -> Picture:
+def _lit(
+    tile: Picture, glow: Glow, face: Face, shape: tuple[int, int], ppm: float,
+    shadow: Picture | float = 1.0,
+) -> Picture:  # fmt: skip
+    """A face laid out with tiles in a room's light; shadow: what is left of that."""
+    start, u, v, normal = face
     rows, columns = (max(4, int(size / ppm * 8)) for size in shape)  # eight a metre
     b = (np.arange(rows) + 0.5) / rows * shape[0] / ppm
     a = (np.arange(columns) + 0.5) / columns * shape[1] / ppm
     points = start + a[None, :, None] * u + b[:, None, None] * v
     small = light_on(glow, points, normal)
     big = cv2.resize(small, (shape[1], shape[0]), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(big, np.float32)
+    light = np.asarray(big, np.float32) * edge_shade(*shape, ppm) * shadow
+    return np.asarray(np.clip(repeat(tile, *shape) * light[..., None], 0, 1), np.float32)
 
 
 def floor_picture(furnished: Furnished, room: Room, tile: Picture, ppm: float) -> Picture:
@@ -108,20 +103,15 @@ def floor_picture(furnished: Furnished, room: Room, tile: Picture, ppm: float) -
             cv2.rectangle(mask, low, high, 1.0, -1)
     near = cv2.GaussianBlur(mask, (0, 0), max(0.07 * ppm, 0.5))
     wide = cv2.GaussianBlur(mask, (0, 0), max(0.22 * ppm, 0.5))
-    start = np.array([x0, y0, 0.0])
-    light = _lightmap(glow_of(furnished, room), start, X, Y, Z, shape, ppm)
-    light = light * edge_shade(*shape, ppm) * (1 - 0.35 * near - 0.3 * wide)
-    return np.asarray(np.clip(repeat(tile, *shape) * light[..., None], 0, 1), np.float32)
+    face = (np.array([x0, y0, 0.0]), X, Y, Z)
+    return _lit(tile, glow_of(furnished, room), face, shape, ppm, 1 - 0.35 * near - 0.3 * wide)
 
 
 def ceiling_picture(furnished: Furnished, room: Room, colour: Picture, ppm: float) -> Picture:
     x0, y0, x1, y1 = room.inner(furnished.home.wall_m)
     shape = (max(8, int((y1 - y0) * ppm)), max(8, int((x1 - x0) * ppm)))
-    top = furnished.home.ceiling_m
-    start = np.array([x0, y0, top])
-    light = _lightmap(glow_of(furnished, room), start, X, Y, -Z, shape, ppm)
-    light *= edge_shade(*shape, ppm)
-    return np.asarray(np.clip(colour * light[..., None], 0, 1), np.float32)
+    face = (np.array([x0, y0, furnished.home.ceiling_m]), X, Y, -Z)
+    return _lit(colour[None, None], glow_of(furnished, room), face, shape, ppm)
 
 
 def wall_picture(
@@ -136,7 +126,6 @@ def wall_picture(
     """One wall face, row 0 at the floor, with shadows behind what stands against it."""
     home = furnished.home
     shape = (max(8, int(home.ceiling_m * ppm)), max(8, int(length * ppm)))
-    u = Y if side < 2 else X
     mask = np.zeros(shape, np.float32)
     axis = 1 if side < 2 else 0
     for p in furnished.standing:
@@ -153,17 +142,11 @@ def wall_picture(
             if abs(off) < 0.05:
                 c = (p.x, p.y)[axis] - start[axis]
                 w, h = p.item.size[0] / 2, p.item.size[2] / 2
-                cv2.rectangle(
-                    mask,
-                    (int((c - w) * ppm), int((p.z - h - 0.03) * ppm)),
-                    (int((c + w) * ppm), int((p.z + h) * ppm)),
-                    0.7,
-                    -1,
-                )
+                low = int((c - w) * ppm), int((p.z - h - 0.03) * ppm)
+                cv2.rectangle(mask, low, (int((c + w) * ppm), int((p.z + h) * ppm)), 0.7, -1)
     dark = cv2.GaussianBlur(mask, (0, 0), max(0.06 * ppm, 0.5))
-    light = _lightmap(glow_of(furnished, room), start, u, Z, INWARD[side], shape, ppm)
-    light = light * edge_shade(*shape, ppm) * (1 - 0.4 * dark)
-    return np.asarray(np.clip(repeat(tile, *shape) * light[..., None], 0, 1), np.float32)
+    face = (start, Y if side < 2 else X, Z, INWARD[side])
+    return _lit(tile, glow_of(furnished, room), face, shape, ppm, 1 - 0.4 * dark)
 
 
 def skybox(rng: Rng, size: int, day: bool) -> NDArray[np.uint8]:

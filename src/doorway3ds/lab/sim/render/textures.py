@@ -26,11 +26,8 @@ def noise(rng: Rng, height: int, width: int, cell: float, octaves: int = 3) -> P
         grid = rng.standard_normal((rows, columns)).astype(np.float32)
         # Wrapping the grid by two cells before enlarging keeps the tile seamless.
         wrapped = np.pad(grid, 2, mode="wrap")
-        big = cv2.resize(
-            wrapped,
-            (round(width * (columns + 4) / columns), round(height * (rows + 4) / rows)),
-            interpolation=cv2.INTER_CUBIC,
-        )
+        whole = round(width * (columns + 4) / columns), round(height * (rows + 4) / rows)
+        big = cv2.resize(wrapped, whole, interpolation=cv2.INTER_CUBIC)
         top, left = round(2 * height / rows), round(2 * width / columns)
         out += weight * big[top : top + height, left : left + width]
         weight *= 0.5
@@ -65,26 +62,17 @@ WOODS = (
 
 
 def wood_colour(rng: Rng) -> Picture:
-    h, s, v = WOODS[rng.integers(len(WOODS))]
-    return hsv(
-        h + rng.normal(0, 0.008),
-        np.clip(s + rng.normal(0, 0.06), 0, 1),
-        np.clip(v + rng.normal(0, 0.06), 0.1, 0.95),
-    )
+    h, s, v = WOODS[rng.integers(len(WOODS))] + rng.normal(0, (0.008, 0.06, 0.06))
+    return hsv(h, np.clip(s, 0, 1), np.clip(v, 0.1, 0.95))
 
 
 def grain(rng: Rng, height: int, width: int, strength: float = 0.12) -> Picture:
     """Wood grain that runs along the rows."""
-    fine = cv2.resize(
-        rng.standard_normal((height, max(2, width // 24))).astype(np.float32),
-        (width, height),
-        interpolation=cv2.INTER_CUBIC,
-    )
-    slow = cv2.resize(
-        noise(rng, height, max(4, width // 6), height / 4),
-        (width, height),
-        interpolation=cv2.INTER_CUBIC,
-    )
+    size, cubic = (width, height), cv2.INTER_CUBIC
+    short = rng.standard_normal((height, max(2, width // 24))).astype(np.float32)
+    fine = cv2.resize(short, size, interpolation=cubic)
+    long = noise(rng, height, max(4, width // 6), height / 4)
+    slow = cv2.resize(long, size, interpolation=cubic)
     rings = np.sin(5.0 * slow + np.linspace(0, 40, height, dtype=np.float32)[:, None])
     return np.asarray(strength * (0.4 * fine + 0.3 * rings), np.float32)
 
@@ -92,9 +80,8 @@ def grain(rng: Rng, height: int, width: int, strength: float = 0.12) -> Picture:
 def wood(rng: Rng, ppm: float) -> Picture:
     """One metre of plain wood for furniture and door leaves."""
     size = int(ppm)
-    return shade(
-        flat(wood_colour(rng), size, size), grain(rng, size, size, rng.uniform(0.03, 0.15))
-    )
+    plain, strength = flat(wood_colour(rng), size, size), rng.uniform(0.03, 0.15)
+    return shade(plain, grain(rng, size, size, strength))
 
 
 def planks(rng: Rng, ppm: float) -> Picture:
@@ -218,9 +205,8 @@ def brick(rng: Rng, ppm: float) -> Picture:
     tone = rng.normal(0, 0.1, (rows, columns)).astype(np.float32)[row, column]
     tone += 0.06 * noise(rng, size, size, 12)
     out = shade(flat(base, size, size), tone)
-    joint = (y % (size // rows) < size / rows * 0.12) | (
-        xs % (size // columns) < size / rows * 0.12
-    )
+    wide = size / rows * 0.12
+    joint = (y % (size // rows) < wide) | (xs % (size // columns) < wide)
     out[joint] = np.clip(base.mean() * 0.75 + 0.15, 0, 1)
     return out
 
@@ -255,9 +241,7 @@ def curtain(rng: Rng, ppm: float) -> Picture:
 
 def rug(rng: Rng, height: int, width: int) -> Picture:
     """A whole rug with borders, rings or bands (does not repeat)."""
-    colours = [
-        hsv(rng.uniform(0, 1), rng.uniform(0.1, 0.7), rng.uniform(0.2, 0.9)) for _ in range(4)
-    ]
+    colours = [hsv(*rng.uniform((0, 0.1, 0.2), (1, 0.7, 0.9))) for _ in range(4)]
     y, x = np.mgrid[0:height, 0:width].astype(np.float32)
     edge = np.minimum.reduce([x, y, width - 1 - x, height - 1 - y]) / min(height, width)
     kind = int(rng.integers(4))
@@ -289,9 +273,7 @@ def painting(rng: Rng, height: int, width: int) -> Picture:
             cv2.ellipse(out, centre, axes, float(rng.uniform(0, 180)), 0, 360, colour_tuple, -1)
     elif kind == 2:
         rows, columns = rng.integers(2, 6, 2)
-        grid = np.stack(
-            [hsv(rng.random(), rng.random(), rng.random()) for _ in range(rows * columns)]
-        )
+        grid = np.stack([hsv(*rng.random(3)) for _ in range(rows * columns)])
         cell = (y * rows / height).astype(int) * columns + (x * columns / width).astype(int)
         out = grid[cell].astype(np.float32)
     else:
@@ -368,28 +350,9 @@ def hazard_floor(rng: Rng, ppm: float, kind: str) -> Picture:
     return np.where(bright[..., None], light, dark).astype(np.float32)
 
 
-FLOORS: tuple[Callable[[Rng, float], Picture], ...] = (
-    planks,
-    planks,
-    planks,
-    herringbone,
-    tiles,
-    tiles,
-    carpet,
-    carpet,
-    concrete,
-)
-WALLS: tuple[Callable[[Rng, float], Picture], ...] = (plaster,) * 7 + (wallpaper,) * 2 + (brick,)
-TILE_M: dict[str, float] = {
-    "planks": 2.0,
-    "herringbone": 0.8,
-    "tiles": 1.2,
-    "carpet": 1.0,
-    "concrete": 2.0,
-    "plaster": 1.0,
-    "wallpaper": 1.0,
-    "brick": 1.0,
-    "wood": 1.0,
-    "fabric": 0.5,
-    "curtain": 1.0,
-}
+Maker = Callable[[Rng, float], Picture]
+FLOORS: tuple[Maker, ...] = (planks,) * 3 + (herringbone,)
+FLOORS += (tiles, tiles, carpet, carpet, concrete)
+WALLS: tuple[Maker, ...] = (plaster,) * 7 + (wallpaper,) * 2 + (brick,)
+TILE_M = {"wood": 1.0, "fabric": 0.5, "curtain": 1.0}
+"""How much furniture a tile covers."""

@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from doorway3ds.camera.model import Camera, Pose, wrapped_deg
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.lab.sim.homes import apartment as homes
-from doorway3ds.lab.sim.homes import furnish
+from doorway3ds.lab.sim.homes import hazards
 from doorway3ds.lab.sim.homes.apartment import Home, Portal, Room
-from doorway3ds.lab.sim.homes.furnish import Furnished, Placed
+from doorway3ds.lab.sim.homes.furnish import Furnished, Placed, furnish
 from doorway3ds.lab.sim.homes.plan import Plan
-from doorway3ds.lab.sim.pictures.truth import Footprint, OpeningTruth, Truth
+from doorway3ds.lab.sim.pictures.truth import WIDTH_M, OpeningTruth, Truth
+from doorway3ds.lab.sim.pictures.views import standing_place
 from doorway3ds.lab.sim.pictures.way import SPARE_M, Way, way_to
 from doorway3ds.lab.sim.render.renderer import Eye
-from doorway3ds.lab.sim.stages import dangers
 
 Rng = np.random.Generator
 Point = NDArray[np.float64]
@@ -43,24 +43,30 @@ SCENES = {
     "dark": "a doorway with the lights off",
     "tilted": "a doorway with the head raised or lowered and turned",
     "grazing": "an open doorway with something at the edge of the way",
-    **dangers.SCENES,
+    "stairs_down": "stairs down in view, and no open doorway",
+    "stairs_up": "stairs up in view, and no open doorway",
+    "glass": "a closed glass door in view, and no open doorway",
+    "mirror": "a mirror as tall as a door in view, and no open doorway",
+    "person": "an open doorway with a person or a pet in it",
 }
 ENDS = {
-    "no_door": ("no_door",),
-    "distractor": ("no_door",),
-    "blocked": ("blocked",),
-    "low_box": ("blocked",),
+    **dict.fromkeys(("no_door", "distractor", "glass", "mirror"), ("no_door",)),
+    **dict.fromkeys(("blocked", "low_box", "person"), ("blocked",)),
+    **dict.fromkeys(("stairs_down", "stairs_up"), ("no_door", "blocked")),
     "grazing": ("aligned", "blocked"),
-    "stairs_down": ("no_door", "blocked"),
-    "stairs_up": ("no_door", "blocked"),
-    "glass": ("no_door",),
-    "mirror": ("no_door",),
-    "person": ("blocked",),
 }
 """How a run may end; the others end aligned with the doorway."""
+STATES = {
+    "stairs_down": {"stairs_down"},
+    "stairs_up": {"stairs_up"},
+    "glass": {"glass_closed", "sliding_closed"},
+    "mirror": {"mirror"},
+}
+"""What the truth of a first look must name as nearly the nearest thing in view."""
 ALIGNED = ("aligned",)
 
 LOW_M = 0.4
+PET_SHARE = 0.3
 PLAIN_OBSTACLE = 0.005  # of the picture: what a person would not overlook
 TRIES = 2000
 
@@ -106,8 +112,8 @@ def find(scene: str, seed: int, camera: Camera, pose_of: Callable[[float, float]
 
 def _candidates(scene: str, rng: Rng, camera: Camera, pose: Pose
                 ) -> Iterator[tuple[Home, Eye]]:  # fmt: skip
-    if scene in dangers.SCENES:
-        yield from islice(dangers.candidates(scene, rng, camera, pose), TRIES)
+    if scene in STATES or scene == "person":
+        yield from islice(_at_hazards(scene, rng, camera, pose), TRIES)
         return
     half = camera.hfov_deg / 2
     for _ in range(TRIES):
@@ -124,6 +130,74 @@ def _candidates(scene: str, rng: Rng, camera: Camera, pose: Pose
             if stand is not None:
                 yield changed, stand
                 break
+
+
+def _at_hazards(scene: str, rng: Rng, camera: Camera, pose: Pose) -> Iterator[tuple[Home, Eye]]:
+    """Homes with the hazard and a stand that looks at it from 1.2 to 4.2 m, without end."""
+    while True:
+        home, rooms = _home(scene, rng)
+        if home is None:
+            continue
+        furnished = furnish(home)
+        marks = [m for m in hazards.marks(furnished) if m[0] in rooms]
+        if scene == "mirror":
+            tall = {(m.x, m.y) for m in furnished.mirrors if m.height > 1.5}
+            marks = [m for m in marks if m[1] in tall]
+        if not marks:
+            continue
+        plan = Plan(furnished)
+        for _ in range(12):
+            index, at = marks[int(rng.integers(len(marks)))]
+            place = standing_place(rng, plan, home.rooms[index])
+            if place is None:
+                continue
+            away = np.subtract(at, place)
+            if not 1.2 < np.hypot(*away) < 4.2:
+                continue
+            off = rng.uniform(-0.45, 0.45) * camera.hfov_deg
+            heading = float(np.degrees(np.arctan2(away[1], away[0]))) + off - pose.yaw_deg
+            yield home, Eye(*place, heading % 360, pose)
+
+
+def _home(scene: str, rng: Rng) -> tuple[Home | None, set[int]]:
+    """A home with the hazard, and the rooms that it is seen from."""
+    home = homes.generate(int(rng.integers(1 << 30)))
+    if scene in ("stairs_down", "stairs_up"):
+        place = ("corridor", "room")[int(rng.integers(2))]
+        stepped = hazards.add_stairs(home, rng, scene, place)
+        if stepped is None:
+            return None, set()
+        room = stepped.flights[-1].room
+        return _closed(stepped, room), {room}
+    if scene == "mirror":
+        home = hazards.with_hazards(home, rng, ["mirror"])
+        if not home.hazards:
+            return None, set()
+        room = home.hazards[int(rng.integers(len(home.hazards)))].at
+        return _closed(home, room), {room}
+    doors = [i for i, p in enumerate(home.portals) if -1 not in p.rooms and p.sill == 0]
+    index = doors[int(rng.integers(len(doors)))]
+    portal = home.portals[index]
+    room = portal.rooms[int(rng.integers(2))]
+    home = _closed(home, room, keep=index)
+    if scene == "glass":
+        shut = replace(portal, state="closed")
+        return hazards.changed(home, index, "glass", **hazards.glazed(shut)), {room}
+    if not portal.is_open:
+        return None, set()
+    kind = "pet" if rng.random() < PET_SHARE else "person"
+    return hazards.changed(home, index, kind), {room}
+
+
+def _closed(home: Home, room: int, keep: int = -1) -> Home:
+    """The home with all open doorways of a room closed but one."""
+    portals = []
+    for index, portal in enumerate(home.portals):
+        if room in portal.rooms and portal.is_open and index != keep:
+            shut = "sliding_closed" if portal.state == "sliding_open" else "closed"
+            portal = replace(portal, state=shut, angle_deg=0.0)
+        portals.append(portal)
+    return replace(home, portals=tuple(portals))
 
 
 def _suits(scene: str, portal: Portal) -> bool:
@@ -146,7 +220,7 @@ def _changed(scene: str, home: Home, room: Room, portal: Portal) -> tuple[Home, 
     if scene == "narrow":
         target = replace(portal, state="no_leaf", width=0.5, height=min(portal.height, 2.1))
     index = home.portals.index(portal)
-    shut = home if scene == "two_doors" else dangers.closed(home, room.index, keep=index)
+    shut = home if scene == "two_doors" else _closed(home, room.index, keep=index)
     portals = (*shut.portals[:index], target, *shut.portals[index + 1 :])
     rooms = home.rooms
     if scene == "dark":
@@ -182,7 +256,7 @@ def _stand(scene: str, rng: Rng, home: Home, room: Room, portal: Portal, pose: P
         if scene == "two_doors" and second is None:
             continue
         if plan is None:
-            furnished = furnish.furnish(home)
+            furnished = furnish(home)
             if scene == "low_box" and not _low_things(furnished, room):
                 return None
             plan = Plan(furnished)
@@ -197,7 +271,7 @@ def _stand(scene: str, rng: Rng, home: Home, room: Room, portal: Portal, pose: P
 
 
 def _way(plan: Plan, at: Point, portal: Portal) -> Way:
-    return way_to(plan, at, _middle(portal), portal, Footprint().width_m)
+    return way_to(plan, at, _middle(portal), portal, WIDTH_M)
 
 
 def _middle(portal: Portal) -> Point:
@@ -248,12 +322,11 @@ def _another(home: Home, room: Room, portal: Portal, at: Point, heading: float, 
 def _is(scene: str, truth: Truth) -> bool:
     """Whether one exact picture shows the scene."""
     seen = truth.openings
-    if scene in dangers.STATES:
-        return dangers.shows(scene, truth)
-    if scene == "no_door":
-        return not seen and not truth.glimpse
-    if scene == "distractor":
-        return not seen and not truth.glimpse and bool({"mirror", "window"} & set(truth.states))
+    if ENDS.get(scene, ())[:1] == ("no_door",):
+        shown = set(truth.states[:2]) & STATES.get(scene, set()) or scene == "no_door"
+        if scene == "distractor":
+            shown = {"mirror", "window"} & set(truth.states)
+        return not seen and not truth.glimpse and bool(shown)
     if not seen:
         return False
     if scene in ("blocked", "low_box", "person"):
@@ -273,7 +346,7 @@ def _wide(opening: OpeningTruth) -> bool:
     """Whether the robot passes between the jambs straight ahead."""
     left, right = opening.jambs_deg
     width = 2 * opening.range_m * np.tan(np.radians(max(left - right, 0.0) / 2))
-    return bool(width >= Footprint().width_m + 2 * SPARE_M)
+    return bool(width >= WIDTH_M + 2 * SPARE_M)
 
 
 def _plain(opening: OpeningTruth) -> bool:
