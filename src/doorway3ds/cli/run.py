@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 from contextlib import ExitStack
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -83,9 +83,8 @@ def run(
         viewer = stack.enter_context(viewer_of(rerun))
         # It looks when the loop asks, so that no look is older than it must be.
         eyes = stack.enter_context(Session(found, pipeline, ahead=0))
-        report = TurnLoop(
-            eyes, driver, params, log=record, tell=tell, decided=viewer.add if viewer else _ignore
-        ).run()
+        shown: dict[str, Any] = {"decided": viewer.add} if viewer else {}
+        report = TurnLoop(eyes, driver, params, log=record, tell=tell, **shown).run()
         if say and motion.move:
             with contextlib.suppress(UserError):
                 driver.robot.say(_SAID.get(report.outcome, "I stopped."))
@@ -98,7 +97,3 @@ def run(
     )
     if report.outcome.status:
         raise typer.Exit(report.outcome.status)
-
-
-def _ignore(decision: object) -> None:
-    """What is done with a decision that nothing shows."""

@@ -212,7 +212,7 @@ def trial(
     typer.echo(text, nl=False)
     typer.echo(f"{plot(played, out / 'trial.png')}", err=True)
     if film:
-        from doorway3ds.lab.sim.trials.film import film_scene
+        from doorway3ds.lab.sim.trials.trial import film_scene
 
         for name in names:
             typer.echo(f"{film_scene(name, seed, asked, out / f'{name}.gif')}", err=True)

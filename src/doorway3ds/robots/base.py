@@ -125,6 +125,7 @@ class Robot(Protocol):
 
     def stop(self) -> None:
         """Stops all motion. Allowed at any time and from any thread."""
+        return
 
     def pose(self) -> RobotPose: ...
 
@@ -134,6 +135,7 @@ class Robot(Protocol):
 
     def close(self) -> None:
         """Lets go of the robot; may be called twice. Never makes it rest or sit."""
+        return
 
 
 class DryRobot(Robot):

@@ -41,17 +41,7 @@ class Outcome(StrEnum):
         return _STATUS[self]
 
 
-_STATUS = {
-    Outcome.ALIGNED: 0,
-    Outcome.DRY: 0,
-    Outcome.NO_DOOR: 3,
-    Outcome.BLOCKED: 4,
-    Outcome.UNSURE: 5,
-    Outcome.LOST: 6,
-    Outcome.HALTED: 7,
-}
-
-
+_STATUS = dict(zip(Outcome, (0, 3, 4, 5, 6, 7, 0), strict=True))
 _UNSEEN = Outcome.LOST, "no fresh image comes from the camera"
 
 SAME_WAY_DEG = 6.0

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from doorway3ds.options import Options, setting
+from doorway3ds.robots.base import Limits
 
 
 @dataclass(frozen=True)
@@ -21,3 +22,9 @@ class MotionOptions(Options):
         20.0, "Stop a turn that takes longer than this.", low=0.5, high=120
     )
     blocked_s: float = setting(2.0, "Time between looks at a blocked way.", low=0, high=600)
+
+    def limits(self) -> Limits:
+        """What no turn may exceed."""
+        return Limits(
+            max_turn_deg=self.max_turn_deg, ttl_s=self.ttl_s, turn_timeout_s=self.turn_timeout_s
+        )

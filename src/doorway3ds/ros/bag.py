@@ -13,8 +13,7 @@ from typing import Any
 from urllib.parse import unquote
 
 from doorway3ds.errors import CallError, UserError
-from doorway3ds.ros.received import Calibration, image_of, stamp_of
-from doorway3ds.ros.transforms import Transforms
+from doorway3ds.ros.received import Calibration, Transforms, image_of, stamp_of
 from doorway3ds.sources.address import query
 from doorway3ds.sources.base import Source, SourceLost, View
 from doorway3ds.sources.clock import Clock

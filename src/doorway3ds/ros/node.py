@@ -20,15 +20,14 @@ from doorway3ds.draw.words import help_page, sentence
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.live.eyes import Update
 from doorway3ds.live.session import Session
-from doorway3ds.robots.base import Driver, Limits, TurnEnd
+from doorway3ds.robots.base import Driver, TurnEnd
 from doorway3ds.ros import messages
 from doorway3ds.ros.base import BaseRobot, Odometry
 from doorway3ds.ros.messages import ros_message as make
 from doorway3ds.ros.outputs import Outputs
 from doorway3ds.ros.parameters import BaseOptions, MountOptions, TopicOptions, declare, group
-from doorway3ds.ros.received import pose_of, transform_of
+from doorway3ds.ros.received import bare, pose_of, transform_of
 from doorway3ds.ros.topic import TopicFrame, TopicSource
-from doorway3ds.ros.transforms import bare
 from doorway3ds.sources.base import View
 from doorway3ds.threads import Worker
 from doorway3ds.types import Decision, Reason
@@ -286,12 +285,7 @@ class DoorwayNode:
         if not isinstance(frame, TopicFrame) or not frame.timed:
             raise UserError(f"nothing moves: {self._source.problem or 'the image has no time'}")
         motion = group(self._node, BaseOptions)
-        limits = Limits(
-            max_turn_deg=motion.max_turn_deg,
-            ttl_s=motion.ttl_s,
-            turn_timeout_s=motion.turn_timeout_s,
-        )
-        driver = Driver(self._base, move=self._move, limits=limits)
+        driver = Driver(self._base, move=self._move, limits=motion.limits())
         return update.decision, motion, driver, frame.stamp_s - update.tracked.unseen_s
 
     def _diagnose(self) -> None:

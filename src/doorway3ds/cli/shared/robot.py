@@ -86,12 +86,10 @@ def pipeline_for(source: Source, options: DecideOptions) -> Pipeline:
 @contextlib.contextmanager
 def driver_of(name: str, source: Source, motion: MotionOptions) -> Iterator[Driver]:
     """The gate to the robot that `--robot` names; the robot is let go at the end."""
-    from doorway3ds.robots.base import Driver, DryRobot, Limits
+    from doorway3ds.robots.base import Driver, DryRobot
 
     require_robot(name)
-    limits = Limits(
-        max_turn_deg=motion.max_turn_deg, ttl_s=motion.ttl_s, turn_timeout_s=motion.turn_timeout_s
-    )
+    limits = motion.limits()
     legs: Robot
     if name == "dry":
         legs = DryRobot()

@@ -196,14 +196,9 @@ class NaoRobot:
 
     def _numbers(self, method: str, size: int, *values: Any) -> list[float]:
         """ALMotion's answer; RobotError if it is not so many numbers."""
+        answer = self._naoqi.call("ALMotion", method, *values)
         try:
-            return numbers(
-                f"{self.name}: ALMotion.{method}",
-                self._naoqi.call("ALMotion", method, *values),
-                size,
-            )
-        except RobotError:
-            raise
+            return numbers(f"{self.name}: ALMotion.{method}", answer, size)
         except UserError as error:
             raise RobotError(str(error)) from error
 

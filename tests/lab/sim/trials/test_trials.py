@@ -75,7 +75,7 @@ def test_episodes_of_another_file_of_the_network_are_refused(tmp_path: Path) -> 
 
 def test_a_film_keeps_its_frames_and_their_times_and_is_small(tmp_path: Path) -> None:
     pytest.importorskip("PIL")
-    from doorway3ds.lab.sim.trials.film import _write
+    from doorway3ds.lab.sim.trials.trial import _write
 
     rng = np.random.default_rng(0)
     still = np.repeat(rng.integers(0, 255, (60, 8, 3), np.uint8), 10, axis=1)

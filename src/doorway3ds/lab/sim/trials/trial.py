@@ -1,4 +1,4 @@
-"""Episodes: a robot on a stage, a method, and whether it ended where it should.
+"""Episodes: a robot on a stage, a method, whether it ended where it should, and films of them.
 
 The loop, the gate to motion and the methods are those of `3ds run`; only the body, its clock and
 its camera are simulated.
@@ -6,8 +6,10 @@ its camera are simulated.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -15,10 +17,12 @@ from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Camera, wrapped_deg
 from doorway3ds.decide.pipeline import Pipeline
+from doorway3ds.files import write_bytes
 from doorway3ds.lab.sim.pictures.perceive import TruthNetwork
 from doorway3ds.lab.sim.pictures.truth import Truth
+from doorway3ds.lab.sim.render.renderer import Eye
 from doorway3ds.lab.sim.robot.body import FastClock
-from doorway3ds.lab.sim.robot.world import SimRobot, Studio, World
+from doorway3ds.lab.sim.robot.world import SimRobot, Studio, World, stage_of
 from doorway3ds.lab.sim.stages.scenarios import Stage
 from doorway3ds.live.session import Session
 from doorway3ds.networks.base import Network
@@ -31,6 +35,9 @@ Method = Literal["opening", "paper"]
 SIZE = (320, 240)
 LOOK_S = 0.3  # simulated: exposure, transfer and network
 FACES_DEG = 5.0
+HOLD_MS, STEP_MS = 1100, 120  # of a film: at a decision, and between two
+STEP_DEG, MOST_STEPS = 4.0, 2
+COLOURS = 56
 
 
 @dataclass(frozen=True)
@@ -193,3 +200,65 @@ def _off(studio: Studio, world: World) -> tuple[float | None, bool | None]:
         return float(abs(nearest.bearing_deg)), nearest.clear
     bearings = _bearings(world.stage, eye.x, eye.y)
     return min((abs(wrapped_deg(b - eye.heading_deg)) for b in bearings), default=None), None
+
+
+def film_scene(scene: str, seed: int, network: str | None, path: Path) -> Path:
+    """Plays an episode with the `opening` method and writes it as a GIF.
+
+    Decisions are held; between them the robot's turn is seen in a few steps.
+    """
+    from doorway3ds.draw import overlay
+
+    loaded = None
+    if network is not None:
+        from doorway3ds.networks import load
+
+        loaded = load(network, threads=1)
+    frames: list[NDArray[np.uint8]] = []
+    times: list[int] = []
+    before: list[Eye] = []
+    with Studio(SIZE) as studio:
+        stage = stage_of(studio, scene, seed)
+
+        def picture(camera: Camera, eye: Eye) -> NDArray[np.uint8]:
+            return studio.shot(stage.home, camera, eye, None).rgb
+
+        def watch(decision: Decision, world: World) -> None:
+            camera, eye = world.body.camera(*SIZE), world.eye()
+            if before:
+                for between in _between(before[-1], eye):
+                    frames.append(picture(camera, between))
+                    times.append(STEP_MS)
+            before.append(eye)
+            if loaded is None:  # true perception decides without a picture
+                shown = replace(decision.frame, image=picture(camera, eye))
+                decision = replace(decision, frame=shown)
+            frames.append(overlay(decision))
+            times.append(HOLD_MS)
+
+        play(studio, stage, "opening", loaded, watch=watch)
+    return _write(path, frames, times)
+
+
+def _between(a: Eye, b: Eye) -> list[Eye]:
+    turn = wrapped_deg(b.heading_deg - a.heading_deg)
+    steps = min(int(abs(turn) / STEP_DEG), MOST_STEPS)
+    return [
+        Eye(b.x, b.y, a.heading_deg + turn * (k + 1) / (steps + 1), b.pose) for k in range(steps)
+    ]
+
+
+def _write(path: Path, frames: list[NDArray[np.uint8]], times: list[int]) -> Path:
+    """One palette for all frames, and no dither: what stands still then costs nothing."""
+    from PIL import Image
+
+    some = frames[:: max(1, len(frames) // 8)]
+    palette = Image.fromarray(np.concatenate(some)).quantize(COLOURS)
+    plain = Image.Dither.NONE
+    pages = [Image.fromarray(frame).quantize(palette=palette, dither=plain) for frame in frames]
+    buffer = io.BytesIO()
+    pages[0].save(
+        buffer, format="GIF", save_all=True, append_images=pages[1:], duration=times, loop=0
+    )
+    write_bytes(path, buffer.getvalue())
+    return path
