@@ -7,7 +7,7 @@ rectangles between wall centre lines; a wall is `Home.wall_m` thick.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 
 import numpy as np
 
@@ -298,22 +298,16 @@ def _windows(
 def _lit(rng: Rng, room: Room, day: bool) -> Room:
     """Brightness, colour of light and lamps of one room."""
     on = rng.random() < (0.55 if day else 0.85)
-    level = (
-        rng.uniform(0.8, 1.0) if on else rng.uniform(0.45, 0.8) if day else rng.uniform(0.12, 0.3)
-    )
-    warm = rng.uniform(0.0, 0.22) if on else rng.uniform(-0.08, 0.04)
+    level = rng.uniform(*((0.8, 1.0) if on else (0.45, 0.8) if day else (0.12, 0.3)))
+    warm = rng.uniform(*((0.0, 0.22) if on else (-0.08, 0.04)))
     light = (level, level * (1 - 0.45 * warm), level * (1 - warm))
-    nx = 2 if room.x1 - room.x0 > 5 else 1
-    ny = 2 if room.y1 - room.y0 > 5 else 1
-    lamps = tuple(
-        (
-            room.x0 + (room.x1 - room.x0) * (i + 0.5 + rng.uniform(-0.1, 0.1)) / nx,
-            room.y0 + (room.y1 - room.y0) * (j + 0.5 + rng.uniform(-0.1, 0.1)) / ny,
-        )
-        for i in range(nx)
-        for j in range(ny)
-    )
-    return replace(room, light=(light[0], light[1], min(1.0, light[2])), lamps=lamps)
+    w, h = room.x1 - room.x0, room.y1 - room.y0
+    nx, ny = 2 if w > 5 else 1, 2 if h > 5 else 1
+    lamps = []
+    for i, j in product(range(nx), range(ny)):
+        u, v = np.array([i, j]) + 0.5 + rng.uniform(-0.1, 0.1, 2)
+        lamps.append((float(room.x0 + w * u / nx), float(room.y0 + h * v / ny)))
+    return replace(room, light=(light[0], light[1], min(1.0, light[2])), lamps=tuple(lamps))
 
 
 def generate(seed: int) -> Home:
@@ -325,10 +319,7 @@ def generate(seed: int) -> Home:
         rects = [(y0, x0, y1, x1) for x0, y0, x1, y1 in rects]
     ceiling = float(rng.uniform(2.35, 2.95))
     day = bool(rng.random() < 0.75)
-    rooms = [
-        _lit(rng, Room(i, kind, *rect), day)
-        for i, (kind, rect) in enumerate(zip(kinds, rects, strict=True))
-    ]
+    rooms = [_lit(rng, Room(i, kinds[i], *rect), day) for i, rect in enumerate(rects)]
     portals: list[Portal] = []
     joined = {0 if corridor < 0 else corridor}
     walls = [wall for a, b in combinations(rooms, 2) if (wall := _shared(a, b))]

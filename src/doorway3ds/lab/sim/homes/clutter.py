@@ -246,9 +246,9 @@ def radiator(rng: Rng, width: float) -> Item:
     return Item("radiator", (width, 0.1, 0.55), tuple(parts))
 
 
-def pendant(rng: Rng, drop: float) -> Item:
+def pendant(rng: Rng) -> Item:
     """Hangs from the origin downwards."""
-    r = rng.uniform(0.12, 0.28)
+    drop, r = rng.uniform(0.4, 0.8), rng.uniform(0.12, 0.28)
     top = -drop + r * 0.9
     shade = lathe([(r, -drop), (r * 0.8, -drop + r * 0.5), (0.04, top), (0.0, top)])
     parts: list[Part] = [

@@ -100,6 +100,8 @@ ROOMS = {
     "store": "bookshelf .9, washer .4, wardrobe .3",
 }
 """Furniture of each kind of room, and how likely it is there."""
+MIRRORED = {"bath": 0.8, "corridor": 0.5, "bedroom": 0.45, "living": 0.25}
+RUGGED = ("living", "bedroom", "dining", "corridor", "office")
 _FREE = ("coffee_table", "dining")  # the rest stands against walls
 
 
@@ -156,10 +158,8 @@ class _Room:
             along = float(self.rng.uniform(low, high))
             if self.rng.random() < 0.5:  # corners fill first
                 along = low if self.rng.random() < 0.5 else high
-            if any(
-                abs(p.at - along) < (p.width + w) / 2 and h > p.sill + 0.02
-                for p in self.holes[side]
-            ):
+            holes = (p for p in self.holes[side] if h > p.sill + 0.02)
+            if any(abs(p.at - along) < (p.width + w) / 2 for p in holes):
                 continue
             x, y = self.at_wall(side, along, d / 2 + 0.015)
             if self.put(item, x, y, YAW_OF_SIDE[side]):
@@ -183,9 +183,7 @@ def _decorate(space: _Room, rng: Rng, mirrors_left: int) -> tuple[list[Placed], 
     hung: list[Placed] = []
     mirrors: list[Mirror] = []
     room = space.room
-    want_mirror = {"bath": 0.8, "corridor": 0.5, "bedroom": 0.45, "living": 0.25}.get(
-        room.kind, 0.1
-    )
+    want_mirror = MIRRORED.get(room.kind, 0.1)
     for side in range(4):
         lo, hi, _ = space.along(side)
         used = [(p.at, p.width / 2 + 0.12, p.sill - 0.1) for p in space.holes[side]]
@@ -322,17 +320,10 @@ def furnish(home: Home) -> Furnished:
         standing += space.placed
         for x, y in room.lamps:
             low = rng.random() < 0.35 and room.kind not in ("bath", "corridor", "store")
-            lamp = (
-                clutter.pendant(rng, float(rng.uniform(0.4, 0.8)))
-                if low
-                else clutter.ceiling_disc(rng)
-            )
+            lamp = (clutter.pendant if low else clutter.ceiling_disc)(rng)
             hung.append(Placed(lamp, x, y, 0.0, room.index, home.ceiling_m))
-        if (
-            room.kind in ("living", "bedroom", "dining", "corridor", "office")
-            and rng.random() < 0.5
-            and not any(f.room == room.index for f in home.flights)
-        ):
+        stepped = any(f.room == room.index for f in home.flights)
+        if room.kind in RUGGED and rng.random() < 0.5 and not stepped:
             w = (room.x1 - room.x0) * rng.uniform(0.3, 0.6)
             d = (room.y1 - room.y0) * rng.uniform(0.3, 0.6)
             cx, cy = room.centre

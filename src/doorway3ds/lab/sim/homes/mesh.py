@@ -143,12 +143,8 @@ def lathe(
     faces = np.concatenate(
         [np.stack([a, a + 1, a + n + 2], -1), np.stack([a, a + n + 2, a + n + 1], -1)]
     )
-    return Mesh(
-        vertices.reshape(-1, 3) + np.asarray(centre),
-        normals.reshape(-1, 3),
-        uv.reshape(-1, 2),
-        faces,
-    )
+    at = vertices.reshape(-1, 3) + np.asarray(centre)
+    return Mesh(at, normals.reshape(-1, 3), uv.reshape(-1, 2), faces)
 
 
 def cylinder(
@@ -175,9 +171,8 @@ def ball(
     scale = np.asarray(radii, float)
     normals = unit.vertices / scale
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return Mesh(
-        unit.vertices * scale + np.asarray(centre), normals, unit.uv * scale.max(), unit.faces
-    )
+    at = unit.vertices * scale + np.asarray(centre)
+    return Mesh(at, normals, unit.uv * scale.max(), unit.faces)
 
 
 def rod(
@@ -202,11 +197,8 @@ def extrude(outline: list[tuple[float, float]], y0: float, y1: float) -> Mesh:
     for y, sign in ((y0, -1.0), (y1, 1.0)):
         v = np.stack([points[:, 0], np.full(count, y), points[:, 1]], -1)
         fan = np.array([[0, i, i + 1] for i in range(1, count - 1)])
-        parts.append(
-            Mesh(
-                v, np.tile([0.0, sign, 0.0], (count, 1)), points, fan if sign < 0 else fan[:, ::-1]
-            )
-        )
+        normals = np.tile([0.0, sign, 0.0], (count, 1))
+        parts.append(Mesh(v, normals, points, fan if sign < 0 else fan[:, ::-1]))
     for i in range(count):
         a, b = points[i], points[(i + 1) % count]
         d = b - a
@@ -214,14 +206,7 @@ def extrude(outline: list[tuple[float, float]], y0: float, y1: float) -> Mesh:
         if length < 1e-9:
             continue
         normal = np.array([d[1], 0.0, -d[0]]) / length
-        parts.append(
-            sheet(
-                np.array([a[0], y0, a[1]]),
-                np.array([d[0], 0.0, d[1]]) / length,
-                np.array([0.0, 1.0, 0.0]),
-                np.array([0.0, length]),
-                np.array([0.0, y1 - y0]),
-                normal,
-            )
-        )
+        start, run = np.array([a[0], y0, a[1]]), np.array([d[0], 0.0, d[1]]) / length
+        us, vs = np.array([0.0, length]), np.array([0.0, y1 - y0])
+        parts.append(sheet(start, run, np.array([0.0, 1.0, 0.0]), us, vs, normal))
     return join(parts)

@@ -129,14 +129,9 @@ class Renderer:
             yaw = np.radians(mirror.yaw_deg)
             along = np.array([np.cos(yaw), np.sin(yaw), 0.0]) * mirror.width / 2
             high = np.array([0, 0, mirror.height / 2])
-            corners = np.array(
-                [
-                    np.array([mirror.x, mirror.y, mirror.z]) + a * along + b * high
-                    for a in (-1, 0, 1)
-                    for b in (-1, 0, 1)
-                ]
-            )
-            seen = (corners - eye.lens()) @ axes
+            middle = np.array([mirror.x, mirror.y, mirror.z])
+            corners = [middle + a * along + b * high for a in (-1, 0, 1) for b in (-1, 0, 1)]
+            seen = (np.array(corners) - eye.lens()) @ axes
             limit = max(camera.width / camera.fx, camera.height / camera.fy) * 0.6
             visible = (seen[:, 2] > 0) & (np.abs(seen[:, 0]) < limit * seen[:, 2] + 0.5)
             same = room is not None and mirror.room == room.index

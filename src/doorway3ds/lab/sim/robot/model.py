@@ -121,6 +121,12 @@ def about(axis: Vector, angle: float) -> Array:
     return m
 
 
+def angles_of(m: Array) -> Vector:
+    """Roll, pitch, yaw of a (4, 4), the inverse of `turned`."""
+    pitch = math.asin(max(-1.0, min(1.0, -float(m[2, 0]))))
+    return math.atan2(m[2, 1], m[2, 2]), pitch, math.atan2(m[1, 0], m[0, 0])
+
+
 def turned(angles: Vector) -> Array:
     """(4, 4) of roll, pitch, yaw: yaw last, as NAOqi composes them."""
     roll, pitch, yaw = angles

@@ -14,7 +14,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from doorway3ds.camera.model import wrapped_deg
-from doorway3ds.lab.sim.robot.model import Model
+from doorway3ds.lab.sim.robot.model import Model, angles_of
 from doorway3ds.lab.sim.robot.nao.service import HEARD, Service
 
 if TYPE_CHECKING:
@@ -77,12 +77,9 @@ def devices(nao: VirtualNao) -> dict[str, Callable[[], Any]]:
 
 def _lean(nao: VirtualNao, axis: str) -> float:
     """How the torso leans, rad."""
-    m = nao.body.transform("Torso", 2)
-    if axis == "X":
-        return math.atan2(m[2, 1], m[2, 2])
-    if axis == "Y":
-        return math.asin(max(-1.0, min(1.0, -m[2, 0])))
-    return math.radians(wrapped_deg(nao.body.odometry()[2]))
+    if axis == "Z":
+        return math.radians(wrapped_deg(nao.body.odometry()[2]))
+    return angles_of(nao.body.transform("Torso", 2))["XY".index(axis)]
 
 
 def _gyro(nao: VirtualNao, axis: str) -> float:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-import numpy as np
-
+from doorway3ds.lab.sim.robot.model import angles_of
 from doorway3ds.lab.sim.robot.nao.service import Service, each, returns
 from doorway3ds.lab.sim.robot.nao.walk import Walk
 
@@ -128,12 +126,7 @@ class Motion(Walk, name="ALMotion"):
     @returns("[f]")
     def getPosition(self, name: str, frame: int, sensors: bool = True) -> list[float]:
         m = self._nao.body.transform(name, int(frame))
-        angles = (
-            math.atan2(m[2, 1], m[2, 2]),
-            math.asin(float(np.clip(-m[2, 0], -1, 1))),
-            math.atan2(m[1, 0], m[0, 0]),
-        )
-        return [*(float(v) for v in m[:3, 3]), *angles]
+        return [*(float(v) for v in m[:3, 3]), *angles_of(m)]
 
     def positionInterpolations(self, *given: Any) -> None:
         """Takes its time and moves nothing: there is no inverse kinematics.
