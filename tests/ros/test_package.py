@@ -15,8 +15,8 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from doorway3ds.ros.outputs import TOPICS
 from doorway3ds.ros.parameters import table
+from doorway3ds.ros.topic import TOPICS
 
 PACKAGE = Path(__file__).resolve().parents[2] / "ros2" / "doorway3ds_ros"
 

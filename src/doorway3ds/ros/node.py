@@ -24,10 +24,9 @@ from doorway3ds.robots.base import Driver, TurnEnd
 from doorway3ds.ros import messages
 from doorway3ds.ros.base import BaseRobot, Odometry
 from doorway3ds.ros.messages import ros_message as make
-from doorway3ds.ros.outputs import Outputs
 from doorway3ds.ros.parameters import BaseOptions, MountOptions, TopicOptions, declare, group
 from doorway3ds.ros.received import bare, pose_of, transform_of
-from doorway3ds.ros.topic import TopicFrame, TopicSource
+from doorway3ds.ros.topic import Outputs, TopicFrame, TopicSource
 from doorway3ds.sources.base import View
 from doorway3ds.threads import Worker
 from doorway3ds.types import Decision, Reason

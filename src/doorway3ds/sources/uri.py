@@ -21,7 +21,7 @@ from doorway3ds.sources.base import CameraFor, PoseOf, Source, View, require_vie
 _ELSEWHERE = {
     "bag": "doorway3ds.ros.bag",
     "nao": "doorway3ds.robots.nao.camera",
-    "sim": "doorway3ds.lab.sim.robot.source",
+    "sim": "doorway3ds.lab.sim.robot.world",
 }
 
 _OPTIONS = frozenset({"pace", "loop", "fps", "patience_s", "stall_s", "stream", "capture"})

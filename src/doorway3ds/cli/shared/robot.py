@@ -94,8 +94,7 @@ def driver_of(name: str, source: Source, motion: MotionOptions) -> Iterator[Driv
     if name == "dry":
         legs = DryRobot()
     elif name == "sim":
-        from doorway3ds.lab.sim.robot.source import SimSource
-        from doorway3ds.lab.sim.robot.world import SimRobot
+        from doorway3ds.lab.sim.robot.world import SimRobot, SimSource
 
         if not isinstance(source, SimSource):
             raise CallError("--robot sim needs a sim:// source, whose robot it is")

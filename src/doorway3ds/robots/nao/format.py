@@ -19,7 +19,6 @@ from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.errors import UserError
 
 RESOLUTIONS = {"qqvga": 0, "qvga": 1, "vga": 2, "4vga": 3}
-SIZES = {0: (160, 120), 1: (320, 240), 2: (640, 480), 3: (1280, 960)}
 COLOURS = {"rgb": 11, "bgr": 13, "yuv422": 9, "grey": 0}
 BYTES = {11: 3, 13: 3, 9: 2, 0: 1}
 FRAME_ROBOT = 2

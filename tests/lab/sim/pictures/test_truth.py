@@ -18,7 +18,7 @@ from doorway3ds.lab.sim.homes.furnish import Mirror, Placed
 from doorway3ds.lab.sim.homes.furniture import Item, wardrobe
 from doorway3ds.lab.sim.homes.mesh import box
 from doorway3ds.lab.sim.homes.stairs import Flight
-from doorway3ds.lab.sim.pictures.perceive import perfect
+from doorway3ds.lab.sim.pictures.truth import perfect
 from doorway3ds.lab.sim.pictures.way import Way
 from doorway3ds.types import Frame, Reason
 from tests.lab.sim.conftest import bare, camera, doorway, level, tilted, two_rooms

@@ -1,13 +1,19 @@
-"""What is really in a picture of a simulated home: openings, floor, free path, door states."""
+"""What is really in a picture of a simulated home: openings, floor, free path, door states.
+
+And the same as a network that makes no mistakes would report it.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Camera, grid_rays, pixel_to_ray, rotation, wrapped_deg
+from doorway3ds.decide.opening import columns_from_spans
+from doorway3ds.errors import UserError
 from doorway3ds.lab.sim.homes.apartment import Portal
 from doorway3ds.lab.sim.homes.furnish import Furnished
 from doorway3ds.lab.sim.homes.hazards import beyond
@@ -15,6 +21,7 @@ from doorway3ds.lab.sim.homes.plan import LOW_M, Plan
 from doorway3ds.lab.sim.homes.shell import Leaf, leaf_of
 from doorway3ds.lab.sim.pictures.way import Way, way_to
 from doorway3ds.lab.sim.render.renderer import Eye
+from doorway3ds.types import Perception
 
 Float = NDArray[np.float64]
 FLOOR_M = 0.012  # rugs and thresholds are floor
@@ -343,3 +350,30 @@ def truth_of(plan: Plan, camera: Camera, eye: Eye, depth: NDArray[np.float32]) -
     counted = sorted((o for o in wide if o.area >= LEAST_AREA), key=lambda o: -o.area)
     states = _states(furnished, view, room.index)
     return Truth(tuple(counted), floor, len(counted) < len(found), states)
+
+
+def perfect(truth: Truth, depth_m: NDArray[np.float32]) -> Perception:
+    """What a network that makes no mistakes would say; depth_m: (H, W), of the whole image."""
+    spans = [(o.left_px, o.right_px) for o in truth.openings]
+    return Perception(
+        p_open=float(bool(spans)),
+        columns=columns_from_spans(spans, depth_m.shape[1]),
+        depth_m=depth_m,
+        floor=truth.floor.astype(np.float32),
+    )
+
+
+class TruthNetwork:
+    """The last image's truth as a network; seen: returns it with the depth, None before a look."""
+
+    name = "truth"
+    gives = frozenset({"p_open", "columns", "depth", "floor"})
+
+    def __init__(self, seen: Callable[[], tuple[Truth, NDArray[np.float32]] | None]) -> None:
+        self._seen = seen
+
+    def __call__(self, image: NDArray[np.uint8], camera: Camera) -> Perception:
+        seen = self._seen()
+        if seen is None:
+            raise UserError("network truth knows only images of its source")
+        return perfect(*seen)

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from doorway3ds.camera.model import Camera, wrapped_deg
 from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.files import write_bytes
-from doorway3ds.lab.sim.pictures.perceive import TruthNetwork
-from doorway3ds.lab.sim.pictures.truth import Truth
+from doorway3ds.lab.sim.pictures.truth import Truth, TruthNetwork
 from doorway3ds.lab.sim.render.renderer import Eye
 from doorway3ds.lab.sim.robot.body import FastClock
 from doorway3ds.lab.sim.robot.world import SimRobot, Studio, World, stage_of

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
-from doorway3ds.lab.sim.robot.nao.service import Service
+from doorway3ds.lab.sim.robot.nao.service import Service, asked
 
 if TYPE_CHECKING:
     from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
@@ -80,26 +80,19 @@ class AutonomousLife(Service, name="ALAutonomousLife"):
 class BasicAwareness(Service, name="ALBasicAwareness"):
     """ALBasicAwareness."""
 
-    def __init__(self, nao: VirtualNao) -> None:
-        super().__init__(nao)
-        self._on = self._paused = False
+    _paused = False
 
-    def setEnabled(self, enabled: bool) -> None:
-        self._on = bool(enabled)
-
-    def isEnabled(self) -> bool:
-        return self._on
+    def isAwarenessRunning(self) -> bool:
+        return bool(asked(self, "isEnabled"))
 
     def isRunning(self) -> bool:
-        return self._on and not self._paused
+        return self.isAwarenessRunning() and not self._paused
 
     def startAwareness(self) -> None:
-        self._on = True
+        asked(self, "setEnabled", True)
 
     def stopAwareness(self) -> None:
-        self._on = False
-
-    isAwarenessRunning = isEnabled
+        asked(self, "setEnabled", False)
 
     def pauseAwareness(self) -> None:
         self._paused = True

@@ -122,10 +122,7 @@ class AnimatedSpeech(Service, name="ALAnimatedSpeech"):
     """ALAnimatedSpeech: speaks as ALTextToSpeech does; gestures are left out."""
 
     _MODES = ("disabled", "random", "contextual")
-
-    def __init__(self, nao: VirtualNao) -> None:
-        super().__init__(nao)
-        self._mode = 2
+    _mode = 2
 
     def say(self, text: str, configuration: Any = None) -> None:
         self._nao.services["ALTextToSpeech"].say(text)

@@ -12,7 +12,7 @@ from doorway3ds.lab.sim.robot.model import about, moved
 from doorway3ds.lab.sim.robot.nao.service import Service, returns
 
 if TYPE_CHECKING:
-    from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
+    pass
 
 _ON_S = 60.0  # a walk without an end goes on until it is stopped; nobody lets it go on for longer
 
@@ -20,9 +20,7 @@ _ON_S = 60.0  # a walk without an end goes on until it is stopped; nobody lets i
 class Walk(Service):
     """What of ALMotion walks."""
 
-    def __init__(self, nao: VirtualNao) -> None:
-        super().__init__(nao)
-        self._arms = [True, True]
+    _arms = (True, True)
 
     def moveInit(self) -> None:
         body = self._nao.body
@@ -120,7 +118,7 @@ class Walk(Service):
     getFootGaitConfig = getMoveConfig
 
     def setMoveArmsEnabled(self, left: bool, right: bool) -> None:
-        self._arms = [bool(left), bool(right)]
+        self._arms = bool(left), bool(right)
 
     def getMoveArmsEnabled(self, chain: str = "Arms") -> bool:
         return {"LArm": self._arms[0], "RArm": self._arms[1]}.get(chain, all(self._arms))
