@@ -107,9 +107,10 @@ def time_of(make: Make, seconds: float) -> Any:
     return make("builtin_interfaces/msg/Time", sec=whole, nanosec=nanoseconds)
 
 
-def point(make: Make, xyz: ArrayLike) -> Any:
+def point(make: Make, xyz: ArrayLike, kind: str = "Point") -> Any:
+    """A geometry_msgs/Point, or another kind of three numbers."""
     x, y, z = (float(v) for v in np.asarray(xyz, np.float64))
-    return make("geometry_msgs/msg/Point", x=x, y=y, z=z)
+    return make(f"geometry_msgs/msg/{kind}", x=x, y=y, z=z)
 
 
 def heading(make: Make, heading_rad: float) -> Any:
@@ -155,7 +156,7 @@ def camera_transform(make: Make, top: Any, child: str, pose: Pose) -> Any:
     moved = (pose.forward_m, pose.left_m, pose.height_m or 0.0)
     transform = make(
         "geometry_msgs/msg/Transform",
-        translation=_vector(make, moved),
+        translation=point(make, moved, "Vector3"),
         rotation=make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w),
     )
     name = "geometry_msgs/msg/TransformStamped"
@@ -191,15 +192,15 @@ def doorway_pose(make: Make, top: Any, door: Doorway) -> Any:
 
 def corridor_polygon(make: Make, top: Any, corners: Array) -> Any:
     """A geometry_msgs/PolygonStamped of the swept floor, corners (n, 2)."""
-    points = [make("geometry_msgs/msg/Point32", x=float(x), y=float(y), z=0.0) for x, y in corners]
+    points = [point(make, (*corner, 0.0), "Point32") for corner in corners]
     polygon = make("geometry_msgs/msg/Polygon", points=points)
     return make("geometry_msgs/msg/PolygonStamped", header=top, polygon=polygon)
 
 
 def twist(make: Make, turn_rad_s: float, top: Any = None) -> Any:
     """A geometry_msgs/Twist that turns on the spot, + left; a TwistStamped if `top` is given."""
-    spin = _vector(make, (0.0, 0.0, turn_rad_s))
-    plain = make("geometry_msgs/msg/Twist", linear=_vector(make, (0.0, 0.0, 0.0)), angular=spin)
+    still, spin = (point(make, (0.0, 0.0, rate), "Vector3") for rate in (0.0, turn_rad_s))
+    plain = make("geometry_msgs/msg/Twist", linear=still, angular=spin)
     if top is None:
         return plain
     return make("geometry_msgs/msg/TwistStamped", header=top, twist=plain)
@@ -241,7 +242,7 @@ def markers(make: Make, top: Any, decision: Decision) -> Any:
     drawn.append(
         _marker(
             make, top, "words", 0, type=9, text=words, color=_color(make, _WHITE),
-            scale=_vector(make, (0.0, 0.0, 0.16)),
+            scale=point(make, (0.0, 0.0, 0.16), "Vector3"),
             pose=make("geometry_msgs/msg/Pose", position=point(make, at),
                       orientation=heading(make, 0.0)),
         )
@@ -255,7 +256,7 @@ def _lines(
 ) -> Any:  # fmt: skip
     return _marker(
         make, top, space, number, type=4, points=[point(make, one) for one in points],
-        scale=_vector(make, (width_m, 0.0, 0.0)), color=_color(make, color),
+        scale=point(make, (width_m, 0.0, 0.0), "Vector3"), color=_color(make, color),
         pose=make("geometry_msgs/msg/Pose", position=point(make, (0, 0, 0)),
                   orientation=heading(make, 0.0)),
     )  # fmt: skip
@@ -267,11 +268,6 @@ def _marker(make: Make, top: Any, space: str, number: int, **fields: Any) -> Any
         "visualization_msgs/msg/Marker", header=top, ns=space, id=number, lifetime=lifetime,
         **fields,
     )  # fmt: skip
-
-
-def _vector(make: Make, xyz: tuple[float, float, float]) -> Any:
-    x, y, z = (float(v) for v in xyz)
-    return make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
 
 
 def _color(make: Make, color: Color) -> Any:

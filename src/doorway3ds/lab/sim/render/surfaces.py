@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -27,37 +25,30 @@ def repeat(tile: Picture, height: int, width: int) -> Picture:
     return np.asarray(tile[rows][:, columns])
 
 
-@dataclass(frozen=True)
-class Glow:
-    """Where a room's light comes from: points (N, 3) with strengths (N,), walls of the room."""
-
-    points: NDArray[np.float64]
-    strengths: NDArray[np.float64]
+Glow = list[tuple[tuple[float, float, float], float]]
 
 
 def glow_of(furnished: Furnished, room: Room) -> Glow:
+    """Points (x, y, z) where a room's light comes from, each with its strength."""
     home = furnished.home
-    points = [(x, y, home.ceiling_m - 0.25) for x, y in room.lamps]
-    strengths = [1.6 * max(room.light)] * len(points)
+    lamp = 1.6 * max(room.light)
+    glow: Glow = [((x, y, home.ceiling_m - 0.25), lamp) for x, y in room.lamps]
     for portal in home.portals_of(room.index):
         x, y = portal.point(0.0, 0.3 * portal.side(room.index))
         z = (portal.sill + portal.height) / 2
-        outdoors = -1 in portal.rooms
-        if outdoors:
-            strengths.append(1.8 * portal.width * home.style["day"] + 0.02)
-            points.append((x, y, z))
+        if -1 in portal.rooms:
+            glow.append(((x, y, z), 1.8 * portal.width * home.style["day"] + 0.02))
         elif portal.is_open:
             other = portal.rooms[0] if portal.rooms[1] == room.index else portal.rooms[1]
-            strengths.append(0.5 * max(home.rooms[other].light))
-            points.append((x, y, z))
-    return Glow(np.array(points), np.array(strengths))
+            glow.append(((x, y, z), 0.5 * max(home.rooms[other].light)))
+    return glow
 
 
 def light_on(glow: Glow, points: NDArray[np.float64], normal: NDArray[np.float64]) -> Picture:
     """Brightness at (h, w, 3) points of one face, about 0.6..1.1."""
     total = np.zeros(points.shape[:2])
-    for at, strength in zip(glow.points, glow.strengths, strict=True):
-        to = at - points
+    for at, strength in glow:
+        to = np.array(at) - points
         d2 = (to**2).sum(-1)
         facing = np.clip((to @ normal) / np.sqrt(d2 + 1e-6), 0.08, 1.0)
         total += strength * facing / (0.8 + d2)

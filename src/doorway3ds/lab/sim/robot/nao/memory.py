@@ -194,12 +194,10 @@ class Memory(Service, name="ALMemory"):
     def removeEvent(self, name: str) -> None:
         with self._lock:
             self._events.discard(name)
-            self._callbacks.pop(name, None)
-
-    def removeMicroEvent(self, name: str) -> None:
-        with self._lock:
             self._micro.discard(name)
             self._callbacks.pop(name, None)
+
+    removeMicroEvent = removeEvent
 
     def subscribeToEvent(self, name: str, module: str, *rest: str) -> None:
         """(name, module, method) or (name, module, message, method).

@@ -44,7 +44,7 @@ class Sonar(Extractor, name="ALSonar"):
     def _listen(self) -> None:
         """Raises events for what has changed."""
         now = self._nao.body.clock.now()
-        if not self._running or now - self._heard_s < self.getCurrentPeriod() / 1000:
+        if not self._subscribed or now - self._heard_s < self.getCurrentPeriod() / 1000:
             return
         self._heard_s = now
         for name in self._nao.body.model.sonars:
@@ -105,7 +105,7 @@ class FaceDetection(Extractor, name="ALFaceDetection"):
         return True
 
     def isProcessing(self) -> bool:
-        return self._running and not asked(self, "isPaused")
+        return bool(self._subscribed) and not asked(self, "isPaused")
 
     def setActiveCamera(self, camera: int) -> bool:
         if camera not in (0, 1):

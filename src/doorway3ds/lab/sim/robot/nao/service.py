@@ -17,7 +17,7 @@ TABLE: dict[str, Any] = yaml.safe_load(
     files(__package__).joinpath("services.yaml").read_text(encoding="utf-8")
 )
 HEARD: dict[str, Any] = TABLE.pop("memory")
-VERSION: str = TABLE["ALSystem"]["answers"]["systemVersion"]
+VERSION: str = TABLE["every"]["answers"]["version"]
 SERVICES: dict[str, type[Service]] = {}
 _WHOLE = (("Body",), ("All",))
 
@@ -128,15 +128,6 @@ class Service:
         self._nao = nao
         self._set: dict[tuple[str, str], Any] = {}
 
-    def ping(self) -> bool:
-        return True
-
-    def version(self) -> str:
-        return VERSION
-
-    def getBrokerName(self) -> str:
-        return "MainBroker"
-
     def getMethodList(self) -> list[str]:
         """What it can be called for."""
         return sorted(n for n in dir(self) if n[0] != "_" and callable(getattr(self, n)))
@@ -153,7 +144,7 @@ class Service:
         return value
 
 
-_bind(Service, {})
+_bind(Service, _calls("every"))
 
 
 class Extractor(Service):
@@ -164,10 +155,6 @@ class Extractor(Service):
     def __init__(self, nao: VirtualNao) -> None:
         super().__init__(nao)
         self._subscribed: dict[str, tuple[int, float]] = {}
-
-    @property
-    def _running(self) -> bool:
-        return bool(self._subscribed)
 
     def subscribe(self, name: str, period: int = _PERIOD_MS, precision: float = 0.0) -> None:
         self._subscribed[name] = (int(period), float(precision))
