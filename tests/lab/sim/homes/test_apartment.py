@@ -83,7 +83,7 @@ def test_furniture_stands_inside_its_room_and_apart(seed: int) -> None:
             assert not any(overlap(a, b) for b in rects[i + 1 :])
 
 
-IN_ROOMS = {getattr(furniture, one.split()[0]) for row in ROOMS.values() for one in row.split(",")}
+IN_ROOMS = {getattr(furniture, name) for row in ROOMS.values() for name, _ in row}
 
 
 @pytest.mark.parametrize("maker", sorted(IN_ROOMS

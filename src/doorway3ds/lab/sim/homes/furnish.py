@@ -88,7 +88,7 @@ def doormat(portal: Portal, wall: float, side: int) -> Rect:
     return min(a[0], b[0]), min(a[1], b[1]), max(a[0], b[0]), max(a[1], b[1])
 
 
-ROOMS = {
+_ROOMS = {
     "living": "sofa 1, tv_unit .85, bookshelf .7, armchair .6, dresser .5, coffee_table .75, "
     "bookshelf .3, desk .2",
     "bedroom": "bed 1, wardrobe .9, dresser .7, dresser .5, desk .35, chair .4, bookshelf .3",
@@ -98,6 +98,10 @@ ROOMS = {
     "dining": "dining 1, dresser .8, bookshelf .4",
     "corridor": "dresser .35, bookshelf .2",
     "store": "bookshelf .9, washer .4, wardrobe .3",
+}
+ROOMS = {
+    kind: [(name, float(chance)) for name, chance in map(str.split, row.split(","))]
+    for kind, row in _ROOMS.items()
 }
 """Furniture of each kind of room, and how likely it is there."""
 MIRRORED = {"bath": 0.8, "corridor": 0.5, "bedroom": 0.45, "living": 0.25}
@@ -298,8 +302,8 @@ def furnish(home: Home) -> Furnished:
     for room in home.rooms:
         space = _Room(home, room, rng)
         mirrors += _built_in(space)
-        for name, chance in map(str.split, ROOMS[room.kind].split(",")):
-            if rng.random() < float(chance) * full:
+        for name, chance in ROOMS.get(room.kind, ()):
+            if rng.random() < chance * full:
                 put = space.inside if name in _FREE else space.against_wall
                 put(getattr(furniture, name)(rng))
         for portal in home.portals_of(room.index):
