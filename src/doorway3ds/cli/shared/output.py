@@ -48,13 +48,13 @@ def linked(words: str, reason: Reason | None, stream: TextIO) -> str:
 
 def write_numbers(path: Path, numbers: Any) -> None:
     """Numbers as JSON, to standard output if the path is -."""
+    from doorway3ds.files import write_json
     from doorway3ds.lab.evaluate.intervals import plain
-    from doorway3ds.lab.evaluate.report.html import write_json
 
     if str(path) == "-":
         sys.stdout.write(json.dumps(plain(numbers), allow_nan=False) + "\n")
     else:
-        write_json(path, numbers)
+        write_json(path, plain(numbers))
 
 
 class OutputLost(Exception):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import html
-import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.files import write_bytes
+from doorway3ds.files import write_bytes, write_json
 from doorway3ds.lab.evaluate.intervals import Interval, plain
 
 
@@ -83,12 +82,8 @@ def write_report(report: Report, folder: Path, data: Mapping[str, Any]) -> Path:
     """Writes report.html, report.json and one PNG per picture; gives the page's path."""
     for stem, (_, png, _) in report.pictures.items():
         write_bytes(folder / f"{stem}.png", png)
-    write_json(folder / "report.json", data)
+    write_json(folder / "report.json", plain(data))
     return write_bytes(folder / "report.html", render(report).encode())
-
-
-def write_json(path: Path, data: Mapping[str, Any]) -> None:
-    write_bytes(path, (json.dumps(plain(data), indent=1, allow_nan=False) + "\n").encode())
 
 
 def render(report: Report) -> str:

@@ -20,7 +20,7 @@ import numpy as np
 from doorway3ds.decide.gates import Gates, decide
 from doorway3ds.decide.opening import OpeningParams, select_opening
 from doorway3ds.errors import UserError
-from doorway3ds.files import digest, write_bytes
+from doorway3ds.files import digest, write_json
 from doorway3ds.lab.datasets.samples import load_depth, load_frame
 from doorway3ds.lab.datasets.truth import PictureTruth, picture_truth
 from doorway3ds.lab.evaluate import direction
@@ -174,7 +174,7 @@ def tune_run(
     for half in (1, 2):
         other = [part.half(3 - half) for part in parts]
         _choose(folder / f"half-{half}.onnx", [part for part in other if part.samples], tell)
-    write_bytes(card_file, (json.dumps(card, indent=2) + "\n").encode())
+    write_json(card_file, card, 2)
     presets: dict[str, dict[str, Any]] = told["presets"]
     return presets
 
