@@ -79,7 +79,8 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
         "live webcam://0": "live walk.mp4 --json",
         "serve webcam://0": "serve walk.mp4 --loop --port 0",
         "calibrate webcam://0": "calibrate board.avi",
-        "192.168.1.10 --robot": f"{robot}?timeout_s=20 --ttl-s 15 --robot",  # a busy machine, too
+        # a busy machine, too: small images and patience
+        "192.168.1.10 --robot": f"{robot}?timeout_s=20\\&resolution=qvga --ttl-s 15 --robot",
         "192.168.1.10": robot,
     }
     yield desk
