@@ -36,7 +36,7 @@ def episodes() -> list[Episode]:
 def test_rows_count_and_have_intervals() -> None:
     rows = {(r.scene, r.method): r for r in summarise(episodes())}
     assert rows["doorway", "opening"].success.value == pytest.approx(0.9)
-    assert rows["doorway", "paper"].wrong_turns == 20
+    assert rows["doorway", "paper"].total("wrong_turns") == 20
     assert 0.69 < rows["doorway", "opening"].success.low < 0.71  # Wilson, 18 of 20
     assert rows["all", "paper"].success == rows["doorway", "paper"].success
 

@@ -162,16 +162,18 @@ def read_episodes(out: Path) -> list[Episode]:
 
 @dataclass(frozen=True)
 class Row:
-    """One scene and method. difference: success of `opening` minus `paper` on the same stages."""
+    """The episodes of one scene and method."""
 
     scene: str
     method: str
-    success: Interval
-    wrong_turns: int
-    without_door: int
-    when_blocked: int
-    turns: float
-    took_s: float
+    of: Sequence[Episode]
+
+    @property
+    def success(self) -> Interval:
+        return wilson(self.total("success"), len(self.of))
+
+    def total(self, what: str) -> int:
+        return sum(getattr(e, what) for e in self.of)
 
 
 def summarise(episodes: Sequence[Episode]) -> list[Row]:
@@ -181,21 +183,8 @@ def summarise(episodes: Sequence[Episode]) -> list[Row]:
         for method in METHODS:
             of = [e for e in episodes if e.method == method and scene in (e.scene, "all")]
             if of:
-                rows.append(_row(scene, method, of))
+                rows.append(Row(scene, method, of))
     return rows
-
-
-def _row(scene: str, method: str, of: Sequence[Episode]) -> Row:
-    return Row(
-        scene,
-        method,
-        wilson(sum(e.success for e in of), len(of)),
-        sum(e.wrong_turns for e in of),
-        sum(e.without_door for e in of),
-        sum(e.when_blocked for e in of),
-        float(np.mean([e.turns for e in of])),
-        float(np.median([e.took_s for e in of])),
-    )
 
 
 def difference(episodes: Sequence[Episode], scene: str = "all") -> Interval | None:
@@ -216,18 +205,12 @@ def table(episodes: Sequence[Episode]) -> str:
     """Markdown: success with 95 % Wilson intervals, mistakes as counts, means and medians."""
     heads = ["scene", "method", "n", "success", "wrong turns", "go without door",
              "go when blocked", "turns", "time"]  # fmt: skip
-    rows = [
-        [
-            row.scene,
-            row.method,
-            str(row.success.n),
-            _percent(row.success),
-            *map(str, (row.wrong_turns, row.without_door, row.when_blocked)),
-            f"{row.turns:.1f}",
-            f"{row.took_s:.1f} s",
-        ]
-        for row in summarise(episodes)
-    ]
+    rows = []
+    for row in summarise(episodes):
+        mistakes = [row.total(what) for what in ("wrong_turns", "without_door", "when_blocked")]
+        turns, took_s = np.mean([e.turns for e in row.of]), np.median([e.took_s for e in row.of])
+        counted = [str(len(row.of)), _percent(row.success), *map(str, mistakes)]
+        rows.append([row.scene, row.method, *counted, f"{turns:.1f}", f"{took_s:.1f} s"])
     gaps = {scene: difference(episodes, scene) for scene in [*SCENES, "all"]}
     minus = [[s, _percent(gap, signed=True), str(gap.n)] for s, gap in gaps.items() if gap]
     told = markdown(["scene", "opening minus paper, same stages", "n"], minus)
