@@ -52,14 +52,16 @@ class Model:
     chains: names of joints. parts: see `Part`. soles: the parts that stand on the floor.
     postures: joint angles, those left out are 0. grounded: height and pitch of the torso in
     postures that do not stand on the soles. radius_m: of the footprint. fov_deg, depth_fov_deg:
-    of the cameras, across and down. sonars: name -> part; sonar_m: what they can tell. touches:
-    event -> sensors. gait: name -> least, usual and most value of a walk's config.
+    of the cameras, across and down. config: as ALMotion reports it. sonars: name -> part; sonar_m:
+    what they can tell. touches: event -> sensors. gait: name -> least, usual and most value of a
+    walk's config.
     """
 
     name: str
     kind: str
     preset: str
     camera_model: int
+    config: Mapping[str, Any]
     joints: Mapping[str, Joint]
     chains: Mapping[str, tuple[str, ...]]
     parts: Mapping[str, Part]

@@ -107,17 +107,6 @@ class BasicAwareness(Service, name="ALBasicAwareness"):
         self._unset("getParameter")
 
 
-_ANIMATIONS = (
-    "BodyTalk/BodyTalk_1",
-    "Emotions/Positive/Happy_1",
-    "Gestures/Explain_1",
-    "Gestures/Hey_1",
-    "Gestures/No_1",
-    "Gestures/Yes_1",
-    "Waiting/Stretch_1",
-)
-
-
 class BehaviorManager(Service, name="ALBehaviorManager"):
     """ALBehaviorManager: the animations that each robot brings; they run and move nothing."""
 
@@ -125,14 +114,9 @@ class BehaviorManager(Service, name="ALBehaviorManager"):
 
     def __init__(self, nao: VirtualNao) -> None:
         super().__init__(nao)
-        self._installed = [f"animations/Stand/{name}" for name in _ANIMATIONS]
+        self._installed: list[str] = asked(self, "getInstalledBehaviors")
         self._until: dict[str, float] = {}
         self._defaults: list[str] = []
-
-    def getInstalledBehaviors(self) -> list[str]:
-        return list(self._installed)
-
-    getBehaviorNames = getSystemBehaviorNames = getInstalledBehaviors
 
     def isBehaviorInstalled(self, name: str) -> bool:
         return name in self._installed

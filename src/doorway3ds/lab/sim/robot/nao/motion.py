@@ -164,13 +164,7 @@ class Motion(Walk, name="ALMotion"):
 
     def getRobotConfig(self) -> list[list[Any]]:
         """[names, values]."""
-        nao = self._nao.body.model.name == "nao"
-        model = ("naoH25", "VERSION_50") if nao else ("juliette", "VERSION_18")
-        config: dict[str, Any] = {
-            "Model Type": model[0], "Head Version": model[1], "Body Version": model[1],
-            "Laser": not nao, "Legs": nao, "Arms": True, "Extended Arms": True,
-            "Number of Legs": 2 if nao else 1, "Number of Arms": 2, "Number of Hands": 2,
-        }  # fmt: skip
+        config = self._nao.body.model.config
         return [list(config), list(config.values())]
 
     def getSummary(self) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.lab.sim.robot.nao import colours
-from doorway3ds.lab.sim.robot.nao.service import Service, each, returns
+from doorway3ds.lab.sim.robot.nao.service import TABLE, Service, each, returns
 
 if TYPE_CHECKING:
     from doorway3ds.lab.sim.robot.nao.robot import VirtualNao
@@ -24,15 +24,7 @@ SIZES = {
 CAMERAS = {0: "CameraTop", 1: "CameraBottom", 2: "CameraDepth"}
 DEPTH = 2
 CONTAINER = "(iiiiiiriffff)"
-_PARAMETERS = {  # id: least, most, default
-    0: (0, 255, 55), 1: (16, 64, 32), 2: (0, 255, 128), 3: (-180, 180, 0), 6: (32, 255, 32),
-    7: (0, 1, 0), 8: (0, 1, 0), 11: (0, 1, 1), 12: (0, 1, 1), 13: (0, 1, 1), 14: (0, 8, 1),
-    15: (1, 30, 5), 17: (1, 2500, 100), 18: (0, 1, 0), 20: (0, 255, 0), 22: (0, 3, 0),
-    24: (-7, 7, 0), 26: (0, 3, 0), 33: (2700, 6500, 4000), 34: (0, 1, 0), 35: (0, 1, 0),
-    39: (0, 1, 1), 40: (0, 250, 0),
-}  # fmt: skip
-"""Brightness, contrast, saturation, hue, gain, flips, automatic exposure, ...: kept when set; of
-them only the flips change what is seen."""
+_PARAMETERS: dict[int, tuple[int, int, int]] = TABLE["ALVideoDevice"]["parameters"]
 _HFLIP, _VFLIP = 7, 8
 
 
