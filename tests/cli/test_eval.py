@@ -87,7 +87,7 @@ def test_marks_by_hand_tell_kinds_but_not_where(tmp_path, capsys):
     assert run(f"eval direction {tmp_path} --repeats 0 --json {file}".split()) == 0
     shown = capsys.readouterr().out
     assert "No doorway" in shown
-    assert "goes where there is no doorway, n = 1" in shown
+    assert "false turns (no doorway), n = 1" in shown
     assert "best candidate" not in shown
     door = numbers(file)["runs"][0]["no_doorway_by_kind"]["closed door"]
     assert door["p_open_from_0.5"]["value"] == 1

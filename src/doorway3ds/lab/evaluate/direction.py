@@ -90,14 +90,10 @@ METRICS: dict[str, Metric] = {
         "range error over true range, median", "share", "low", "listed and true range both known"
     ),
     "go_without_door": Metric(
-        "goes where there is no doorway", "share", "low", "images without a doorway"
+        "false turns (no doorway)", "share", "low", "images without a doorway"
     ),
-    "go_when_blocked": Metric(
-        "goes where the way is blocked", "share", "low", "doorway images, way blocked"
-    ),
-    "go_when_clear": Metric(
-        "goes where the way is clear", "share", "high", "doorway images, way clear"
-    ),
+    "go_when_blocked": Metric("turns when blocked", "share", "low", "doorway images, way blocked"),
+    "go_when_clear": Metric("turns when clear", "share", "high", "doorway images, way clear"),
     "clear_agreement": Metric(
         "agrees on clear", "share", "high", "doorway images, way known and answered"
     ),

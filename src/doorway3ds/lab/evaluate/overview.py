@@ -219,7 +219,7 @@ def compare(
 
 def table(rows: Iterable[Row]) -> str:
     """Markdown: set, file, doorways, COLUMNS."""
-    heads = ["places held out", "file", "pictures", "doorways", *COLUMNS.values()]
+    heads = ["places held out", "file", "images", "doorways", *COLUMNS.values()]
     unknown = Interval(math.nan, math.nan, math.nan, 0)
 
     def told(row: Row, key: str) -> str:

@@ -57,7 +57,7 @@ def test_going_where_no_doorway_is_spoils_any_gain() -> None:
     compared = compare(before, after, 500)
     verdict = judge(compared, 0.0)
     assert not verdict.better
-    assert "goes where there is no doorway +25.0 points" in verdict.why
+    assert "but 25.0 points more false turns (no doorway)" in verdict.why
     assert compared.before["found"].value == pytest.approx(2 / 8)
     assert compared.after["inside"].n == 6
     assert compared.after["go_without_door"].n == 4  # what is open and not marked is not among them

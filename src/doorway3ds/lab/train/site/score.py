@@ -105,9 +105,7 @@ def judge(comparison: Comparison, depth_change: float) -> Verdict:
         return Verdict(False, f"{said}, but finds {-100 * found.value:.1f} points fewer doorways")
     goes = comparison.difference["go_without_door"].value
     if goes > 0:
-        return Verdict(
-            False, f"{said}, but goes where there is no doorway {100 * goes:+.1f} points"
-        )
+        return Verdict(False, f"{said}, but {100 * goes:.1f} points more false turns (no doorway)")
     if not depth_change <= MAX_DEPTH_CHANGE:
         return Verdict(
             False,
