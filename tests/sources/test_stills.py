@@ -87,6 +87,8 @@ def test_paced_and_looped(folder: Path) -> None:
         ("ftp://host/film", "no source is called ftp://", CallError),
         ("webcam://front", "expected webcam://0", CallError),
         ("webcam://0?width=wide", "width must be a whole number, got 'wide'", CallError),
+        ("webcam://0?width=-5", "width must be a number from 0 to 1e+09, got -5", CallError),
+        ("webcam://0?fps=nan", "fps must be a number from 0 to 1e+09, got nan", CallError),
         ("webcam://0?zoom=2", "no option 'zoom'; expected width, height, fps", CallError),
         ("http:///video", "expected http://HOST", CallError),
         ("http://host:99999/video", "expected http://HOST", CallError),

@@ -6,6 +6,7 @@ import re
 from typing import Any
 from urllib.parse import SplitResult, parse_qsl, urlsplit, urlunsplit
 
+from doorway3ds.arguments import require_number
 from doorway3ds.errors import CallError
 
 
@@ -24,7 +25,8 @@ def without_password(uri: str) -> str:
 
 
 def query(uri: str, kinds: dict[str, type]) -> tuple[SplitResult, dict[str, Any]]:
-    """The URI's parts, and its ?name=value options converted; CallError for any other."""
+    """The URI's parts, and its ?name=value options converted; CallError for any other, and
+    for a number that is negative or not finite."""
     parts = urlsplit(uri)
     found: dict[str, Any] = {}
     for key, value in parse_qsl(parts.query, keep_blank_values=True):
@@ -35,4 +37,6 @@ def query(uri: str, kinds: dict[str, type]) -> tuple[SplitResult, dict[str, Any]
         except ValueError as error:
             wanted = {int: "a whole number", float: "a number"}.get(kinds[key], "another value")
             raise CallError(f"{uri}: {key} must be {wanted}, got {value!r}") from error
+        if kinds[key] is not str:
+            require_number(f"{uri}: {key}", found[key], 0, 1e9)
     return parts, found

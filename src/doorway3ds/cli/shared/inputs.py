@@ -85,6 +85,9 @@ def images_of(names: Iterable[str], recursive: bool = False) -> tuple[list[Input
     found: list[str] = []
     errors: list[str] = []
     for name in names:
+        if not name:
+            errors.append("the name of an image is empty; expected a file, a folder or an address")
+            continue
         if name == "-" or is_address(name) or not Path(name).is_dir():
             found.append(name)
             continue
