@@ -8,14 +8,12 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
+from doorway3ds.closing import Closing
 from doorway3ds.errors import UserError
 from doorway3ds.threads import Worker
 from doorway3ds.types import Frame
-
-if TYPE_CHECKING:
-    from typing_extensions import Self
 
 T = TypeVar("T")
 
@@ -33,7 +31,7 @@ class Frames(Protocol):
     def read(self, timeout_s: float | None = None) -> Frame | None: ...
 
 
-class Feed(Generic[T]):
+class Feed(Closing, Generic[T]):
     """What `see` makes of a source's frames, in their order.
 
     see: is given each frame and what it is called; None for a frame that is of no use.
@@ -83,12 +81,6 @@ class Feed(Generic[T]):
                 thread.close()
         with self._seeing:
             self._closed = True
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()
 
     def _fetch(self, timeout_s: float | None) -> tuple[Frame, str] | None:
         frame = self._source.read(timeout_s)

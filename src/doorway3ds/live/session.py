@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from doorway3ds.arguments import require
 from doorway3ds.camera.model import Camera, Pose, wrapped_deg
+from doorway3ds.closing import Closing
 from doorway3ds.decide.pipeline import Pipeline
 from doorway3ds.draw.words import counted
 from doorway3ds.live.eyes import Eyes, Update
@@ -22,8 +23,6 @@ from doorway3ds.sources import Source, open_source
 from doorway3ds.types import Frame, Perception, Reason
 
 if TYPE_CHECKING:
-    from typing_extensions import Self
-
     from doorway3ds.sources.base import CameraFor, PoseOf
 
 _WAIT_S = 0.25
@@ -48,7 +47,7 @@ class _Seen:
     setup: _Setup
 
 
-class Session(Eyes):
+class Session(Closing, Eyes):
     """Decides on every frame of a source, with memory; an iterator of `Update`.
 
     The network looks at the next frame in a thread of its own while one is decided on and used.
@@ -161,12 +160,6 @@ class Session(Eyes):
             if update is not None and (update.fresh or not was_lost):
                 was_lost = not update.fresh
                 yield update
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()
 
     def _see(self, frame: Frame, name: str) -> _Seen | None:
         """The network's part, in the feed's thread."""

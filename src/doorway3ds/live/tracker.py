@@ -16,6 +16,11 @@ from doorway3ds.live.filters import Belief
 from doorway3ds.live.track import Track, TrackerParams
 from doorway3ds.types import Decision, Opening, Reason, Selection
 
+_MEASURED = (
+    *("belief", "bearing_deg", "bearing_sd_deg", "bearing_error_deg"),
+    *("range_m", "range_sd_m", "range_error_m"),
+)
+
 
 @dataclass(frozen=True)
 class Tracked:
@@ -57,13 +62,7 @@ class Tracked:
             "reason": str(decision.reason),
             "turn_deg": decision.turn_deg,
             "open": decision.open,
-            "belief": self.belief,
-            "bearing_deg": self.bearing_deg,
-            "bearing_sd_deg": self.bearing_sd_deg,
-            "bearing_error_deg": self.bearing_error_deg,
-            "range_m": self.range_m,
-            "range_sd_m": self.range_sd_m,
-            "range_error_m": self.range_error_m,
+            **{name: getattr(self, name) for name in _MEASURED},
             "clear": decision.selection.clear if self.number else None,
             "free": self.free,
             "look": decision.selection.look if decision.reason is Reason.UNSURE else None,

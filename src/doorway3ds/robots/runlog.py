@@ -17,23 +17,21 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from doorway3ds.camera.model import Camera, Pose
+from doorway3ds.closing import Closing
 from doorway3ds.errors import UserError
 from doorway3ds.files import write_bytes
 from doorway3ds.images.codec import read_image, write_image
 from doorway3ds.types import ColumnVotes, Decision, Frame, Perception, RelativeDepth, Selection
 
-if TYPE_CHECKING:
-    from typing_extensions import Self
-
 LOG = "run.jsonl"
 
 
-class RunLog:
+class RunLog(Closing):
     """Writes one run into a folder. Without a folder it writes nothing.
 
     perception: also keep what the network said, for networks that cannot be asked again.
@@ -113,12 +111,6 @@ class RunLog:
         if self._file is not None:
             self._file.close()
             self._file = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()
 
 
 def _taken(frame: Frame) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from doorway3ds.arguments import shown
 from doorway3ds.camera.choice import FitCamera, default_camera, turned_camera
 from doorway3ds.camera.model import Camera, Pose
+from doorway3ds.closing import Closing
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.types import Frame
 
@@ -94,7 +95,7 @@ def require_view(camera: object, pose: object) -> None:
             raise CallError(f"{name} must be a {kind.__name__} or None, got {shown(value)}")
 
 
-class Source(ABC):
+class Source(Closing, ABC):
     """An iterator of frames that holds a device, file or connection until it is closed.
 
     >>> with open_source("webcam://0") as source:  # doctest: +SKIP
@@ -165,12 +166,6 @@ class Source(ABC):
             if frame is not None:
                 return frame
         raise StopIteration
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()
 
 
 def _ignore(line: str) -> None:

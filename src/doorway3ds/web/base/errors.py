@@ -56,19 +56,7 @@ class ErrorDetail(BaseModel):
 
 
 class ErrorAnswer(BaseModel):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "error": {
-                        "status": 429,
-                        "code": "busy",
-                        "message": "too many decisions at once; try again in 1 s",
-                    }
-                }
-            ]
-        }
-    )
+    model_config = ConfigDict(json_schema_extra={"examples": [busy("decisions", 1).to_dict()]})
 
     error: ErrorDetail
 

@@ -22,6 +22,7 @@ from doorway3ds.web.serve.fields import Number, of_option
 from doorway3ds.web.serve.live import Live, Snapshot
 
 State = Literal["none", "taking", "computing", "done", "failed"]
+_LENS = ("width", "height", "fx", "fy", "cx", "cy", "hfov_deg", "vfov_deg")
 _BEAT_S = 0.5  # after which a wish to finish is heard, if no frame comes
 
 log = logging.getLogger(__name__)
@@ -204,12 +205,5 @@ def _result(found: Calibration, missing: str) -> dict[str, Any]:
         "held_out_px": found.held_out_px,
         "name": camera.name,
         "model": camera.distortion_model,
-        "width": camera.width,
-        "height": camera.height,
-        "fx": camera.fx,
-        "fy": camera.fy,
-        "cx": camera.cx,
-        "cy": camera.cy,
-        "hfov_deg": camera.hfov_deg,
-        "vfov_deg": camera.vfov_deg,
+        **{name: getattr(camera, name) for name in _LENS},
     }
