@@ -277,8 +277,6 @@ def open_uri(uri: str, view: View, **options: Any) -> Source:
         if value not in known:
             raise CallError(f"{uri}: {name} must be one of {', '.join(known)}, got {value!r}")
     seed = given.get("seed", 0)
-    if seed < 0:
-        raise CallError(f"{uri}: seed must be 0 or more, got {seed}")
     studio = Studio(SIZES[resolution])
     try:
         return SimSource(uri, World.of_scene(studio, scene, seed, model=robot), view, resolution)
