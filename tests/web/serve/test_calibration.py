@@ -52,7 +52,7 @@ class Hand(Source):
             told = self.told()
             if told.get("frame") not in (None, self.judged):
                 self.judged = told["frame"]
-                self.pose += told["verdict"].startswith("taken")
+                self.pose = told["frames"]["taken"]  # not by the verdict, which may be of the last
                 break
         return View().frame(self.shots[self.pose % len(self.shots)], time.monotonic())
 
