@@ -261,6 +261,7 @@ class TestPage:
         self, served: Served, hand: Hand, page: Page
     ) -> None:
         hand.shots = hand.shots[:4]  # all parts of the image, and three of four tilts
+        page.until(lambda: served.client.get("/v1/decision").is_success)  # the first image came
         page.open(f"{served.url}/?token=correct-horse")
         page.mode("calibrate")
         page.until(lambda: page.text("headline") == "Calibrate this camera")
