@@ -21,8 +21,10 @@ from rich.console import Console
 from doorway3ds.cli.shared.panel import Panel
 from doorway3ds.errors import UserError
 from doorway3ds.images.film import Film
+from doorway3ds.live.session import Session
 from doorway3ds.robots.runlog import looks, read_log
 from doorway3ds.sources import open_source
+from doorway3ds.sources.base import Source
 from doorway3ds.sources.live import LiveSource
 from tests.conftest import Cli
 from tests.factories import encode, film, number, scene
@@ -106,7 +108,20 @@ def test_a_damaged_film_ends_with_status_1_after_its_last_frame(cli: Cli) -> Non
     assert cv2.VideoCapture("seen.mp4").read()[0]
 
 
-def test_a_folder_with_a_damaged_picture_answers_the_others(cli: Cli) -> None:
+class ReadAhead(Session):
+    """Comes into being slowly: meanwhile its threads read as far ahead as they may."""
+
+    def __init__(self, source: Source, *given: Any, **options: Any) -> None:
+        super().__init__(source, *given, **options)
+        end = time.monotonic() + 10
+        while not source.damaged and time.monotonic() < end:
+            time.sleep(0.01)
+
+
+def test_a_folder_with_a_damaged_picture_answers_the_others(
+    cli: Cli, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("doorway3ds.live.session.Session", ReadAhead)
     Path("album").mkdir()
     for name in "abc":
         Path(f"album/{name}.jpg").write_bytes(encode(scene()))

@@ -105,6 +105,7 @@ def live(
         stack.enter_context(ended_by_sigterm())
         read_as = asdict(replace(reading, pace=pace))
         found = stack.enter_context(open_eyes(source, camera, **read_as))
+        found.notice = complain  # before the session, which reads ahead at once
         pipeline = pipeline_for(found, decide)
         film = None
         if out is not None:
@@ -137,7 +138,7 @@ def live(
             named = [found.name, decide.method, pipeline.network.name]
             named += [] if robot is None else [f"robot {robot}"]
             watch.panel = stack.enter_context(Panel(" · ".join(named), found))
-        found.notice = watch.panel.say if watch.panel else complain
+            found.notice = watch.panel.say
         stack.enter_context(session)
         if driver is None:
             watch.all(frames)

@@ -8,6 +8,7 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Literal
@@ -188,12 +189,11 @@ class Live:
 
     def _run(self) -> None:
         try:
-            with (
-                self._start() as source,
-                Session(source, self._pipeline, ahead=1) as session,
-            ):
+            with ExitStack() as stack:
+                source = stack.enter_context(self._start())
+                source.notice = log.warning  # before the session, which reads ahead at once
+                session = stack.enter_context(Session(source, self._pipeline, ahead=1))
                 self._session = session
-                source.notice = log.warning
                 if self.fields != Fields():  # changed meanwhile
                     self._adopt(session)
                 last = time.monotonic()
