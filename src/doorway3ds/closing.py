@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
 
-class Closing:
+class Closing(ABC):
     """A context manager by its own `close`."""
 
+    @abstractmethod
     def close(self) -> None:
         """Releases what it holds; may be called twice."""
-        raise NotImplementedError
 
     def __enter__(self) -> Self:
         return self

@@ -381,3 +381,11 @@ def test_a_run_is_read_back_with_the_same_pictures(tmp_path: Path) -> None:
     assert second == 5  # those in between were taken while it still shook
     assert seen[0].frame.camera == CAMERA
     assert [look.action for look in seen] == ["go +25.0 deg", "aligned"]
+
+
+def test_a_look_s_reason_is_written_as_asked() -> None:
+    world, lines = World(), list[str]()
+    eyes, driver = Looks(world, sees(world, 20.0)), Driver(world, clock=lambda: world.now)
+    clock = {"clock": lambda: world.now, "sleep": world.sleep}
+    TurnLoop(eyes, driver, tell=lines.append, word=lambda reason: f"[{reason}]", **clock).run()
+    assert lines[0] == "look 1: [turn] -> dry"

@@ -24,8 +24,8 @@ from doorway3ds.cli.shared.robot import (
     open_eyes,
     outcome_words,
     pipeline_for,
+    reason_word,
     require_robot,
-    tell,
 )
 from doorway3ds.cli.shared.viewer import Rerun, viewer_of
 from doorway3ds.cli.shared.watch import Watch, counts, print_json
@@ -143,10 +143,9 @@ def live(
         if driver is None:
             watch.all(frames)
         else:
-            told = watch.panel.say if watch.panel else tell
             params = LoopParams(aligned_deg=decide.aligned_deg, blocked_s=motion.blocked_s)
             with logged(log, decide, pipeline, found, driver) as record:
-                report = _drive(watch, pipeline, driver, params, record, told)
+                report = _drive(watch, pipeline, driver, params, record)
     if driver is not None:
         _conclude(report, record.folder, as_json)
     if found.damaged and not found.live:
@@ -159,7 +158,6 @@ def _drive(
     driver: Driver,
     params: LoopParams,
     log: RunLog,
-    tell: Callable[[str], None],
 ) -> Report:
     """The closed loop of `3ds run`, fed by the watch, which goes on in a thread of its own.
 
@@ -172,6 +170,7 @@ def _drive(
     relay = Relay(pipeline)
     watch.offer = relay.offer
     failed: list[UserError] = []
+    tell, word = (watch.panel.say, str) if watch.panel else (say, reason_word)
 
     def watching() -> None:
         try:
@@ -184,7 +183,7 @@ def _drive(
 
     watcher = Worker(watching, "watch", watch.session.stop)
     try:
-        report = TurnLoop(relay, driver, params, log=log, tell=tell).run()
+        report = TurnLoop(relay, driver, params, log=log, tell=tell, word=word).run()
     finally:
         watcher.close(None)
     if failed:  # a film that cannot be written, say: the robot has been stopped by now

@@ -11,6 +11,7 @@ import typer
 
 from doorway3ds.camera.options import CameraOptions
 from doorway3ds.cli.shared.options import expand
+from doorway3ds.cli.shared.output import say as tell
 from doorway3ds.cli.shared.robot import (
     ROBOT_HELP,
     RunFolder,
@@ -20,8 +21,8 @@ from doorway3ds.cli.shared.robot import (
     open_eyes,
     outcome_words,
     pipeline_for,
+    reason_word,
     require_robot,
-    tell,
 )
 from doorway3ds.cli.shared.viewer import Rerun, viewer_of
 from doorway3ds.decide.options import DecideOptions
@@ -84,7 +85,9 @@ def run(
         # It looks when the loop asks, so that no look is older than it must be.
         eyes = stack.enter_context(Session(found, pipeline, ahead=0))
         shown: dict[str, Any] = {"decided": viewer.add} if viewer else {}
-        report = TurnLoop(eyes, driver, params, log=record, tell=tell, **shown).run()
+        report = TurnLoop(
+            eyes, driver, params, log=record, tell=tell, word=reason_word, **shown
+        ).run()
         if say and motion.move:
             with contextlib.suppress(UserError):
                 driver.robot.say(_SAID.get(report.outcome, "I stopped."))

@@ -133,8 +133,8 @@ class TurnLoop:
         eyes: what looks and decides, such as `watch` returns.
         driver: the gate to the robot's motion.
         params: when it is content, and for how long it tries.
-        log: of the run. tell: is called with one line about each look and turn. decided: is called
-            with each decision.
+        log: of the run. tell: is called with one line about each look and turn. word: how a
+            look's reason is written there. decided: is called with each decision.
         clock: of the frames, in seconds.
         sleep: waits on that clock.
     """
@@ -147,6 +147,7 @@ class TurnLoop:
         *,
         log: RunLog | None = None,
         tell: Callable[[str], None] = lambda line: None,
+        word: Callable[[Reason], str] = str,
         decided: Callable[[Decision], object] = lambda decision: None,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
@@ -157,7 +158,7 @@ class TurnLoop:
         require("params", params, (LoopParams, type(None)), "LoopParams or None")
         self._eyes, self._driver = eyes, driver
         self._params, self._log = params or LoopParams(), log or RunLog(None)
-        self._tell, self._decided = tell, decided
+        self._tell, self._word, self._decided = tell, word, decided
         self._clock, self._sleep = clock, sleep
         self._ready_s = -math.inf
         self._looks = self._goes = self._searches = 0
@@ -212,7 +213,7 @@ class TurnLoop:
             checks = self._unchecked(decision)
             action = _Action("look down") if checks else self._plan(decision)
             self._log.look(self._looks, decision, str(action), self._expected_deg)
-            self._tell(f"look {self._looks}: {decision.reason} -> {action}")
+            self._tell(f"look {self._looks}: {self._word(decision.reason)} -> {action}")
             if action.kind == "wait":
                 self._face(decision)
                 self._wait(self._params.blocked_s)

@@ -1,7 +1,7 @@
 """From decisions to ROS messages.
 
 Every function takes `make`, which builds a message of a named type from fields, others at their
-defaults: `ros_message` where ROS is, `bagfile.BagTypes` where it is not. Frames are those of REP
+defaults: `ros_message` where ROS is, `recorder.BagTypes` where it is not. Frames are those of REP
 103 and 105, angles on topics radians; `robot` headers name the robot's frame on the floor.
 """
 

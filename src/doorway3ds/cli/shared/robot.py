@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import re
 import signal
 import sys
 import time
@@ -38,12 +37,11 @@ RunFolder = Annotated[
         "3ds-run-DATE-TIME.",
     ),
 ]  # fmt: skip
-_LOOK = re.compile(r"(?<=: )\w+(?= -> )")
 
 
-def tell(line: str) -> None:
-    """One line of the loop on standard error; a look's reason links to its page."""
-    say(_LOOK.sub(lambda found: linked(found[0], Reason(found[0]), sys.stderr), line, count=1))
+def reason_word(reason: Reason) -> str:
+    """A look's reason on standard error, with a link to its page."""
+    return linked(reason, reason, sys.stderr)
 
 
 def outcome_words(report: Report) -> str:

@@ -214,10 +214,15 @@ def difference(
 
     Raises ValueError unless both hold the same pictures in the same order.
     """
+    places = paired_places(first, second)
+    return intervals.paired_difference(measures(first), measures(second), places, repeats)
+
+
+def paired_places(first: Sequence[DirectionRecord], second: Sequence[DirectionRecord]) -> list[str]:
+    """Each picture's place; ValueError unless both hold the same pictures in the same order."""
     if [r.truth.image for r in first] != [r.truth.image for r in second]:
         raise ValueError("paired records must be of the same images in the same order")
-    places = [record.truth.place for record in first]
-    return intervals.paired_difference(measures(first), measures(second), places, repeats)
+    return [record.truth.place for record in first]
 
 
 def measures(records: Sequence[DirectionRecord]) -> dict[str, Measure]:

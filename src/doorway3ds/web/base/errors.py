@@ -91,3 +91,8 @@ def errors(*statuses: int) -> dict[int | str, dict[str, Any]]:
             }
         }
     return answers
+
+
+def file_or(kind: str, about: str, *statuses: int) -> dict[int | str, dict[str, Any]]:
+    """`responses` of a route that answers with a file of a media type, or one of `errors`."""
+    return {**errors(*statuses), 200: {"content": {kind: {}}, "description": about}}

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from doorway3ds.errors import UserError
 from doorway3ds.web.base.access import ServerSettings
-from doorway3ds.web.base.errors import ApiError, errors
+from doorway3ds.web.base.errors import ApiError, errors, file_or
 from doorway3ds.web.base.routes import json_answer
 from doorway3ds.web.base.state import ServerState, server_state
 from doorway3ds.web.label.marks import MAX_OPENINGS, MarkedOpening, Marks
@@ -149,10 +149,9 @@ async def picture(state: State, number: Number) -> Response:
 @router.get(
     "/v1/pictures/{number}/image.jpg",
     response_class=Response,
-    responses={
-        **errors(400, *_ALWAYS, 404, 422, 429, 503),
-        200: {"content": {"image/jpeg": {}}, "description": "A copy, upright, of moderate size."},
-    },
+    responses=file_or(
+        "image/jpeg", "A copy, upright, of moderate size.", 400, *_ALWAYS, 404, 422, 429, 503
+    ),
 )
 async def image(
     state: State,

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Body, Depends, Query, Response
 from doorway3ds.camera.board import print_lines, printable
 from doorway3ds.camera.info import camera_info_of
 from doorway3ds.errors import UserError
-from doorway3ds.web.base.errors import ApiError, errors
+from doorway3ds.web.base.errors import ApiError, errors, file_or
 from doorway3ds.web.base.routes import json_answer
 from doorway3ds.web.serve import schemas
 from doorway3ds.web.serve.calibration import BoardFields, CalibrationFields, CalibrationRun
@@ -80,10 +80,7 @@ async def drop(state: State) -> Response:
 @router.get(
     "/v1/calibration/camera.yaml",
     response_class=Response,
-    responses={
-        **errors(*_ALWAYS, 404),
-        200: {"content": {"application/yaml": {}}, "description": "A ROS camera_info file."},
-    },
+    responses=file_or("application/yaml", "A ROS camera_info file.", *_ALWAYS, 404),
     summary="The calibrated camera's file",
 )
 async def camera_file(state: State) -> Response:
@@ -99,10 +96,7 @@ async def camera_file(state: State) -> Response:
 @router.get(
     "/v1/calibration/board.pdf",
     response_class=Response,
-    responses={
-        **errors(*_ALWAYS, 422, 429, 503),
-        200: {"content": {"application/pdf": {}}, "description": "One A4 page."},
-    },
+    responses=file_or("application/pdf", "One A4 page.", *_ALWAYS, 422, 429, 503),
     summary="The board to print at 100 %",
 )
 async def board_pdf(state: State, fields: Annotated[BoardFields, Query()]) -> Response:

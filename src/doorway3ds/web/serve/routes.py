@@ -19,7 +19,7 @@ from doorway3ds.decide.pipeline import NEEDS
 from doorway3ds.draw import annotate
 from doorway3ds.images.codec import encode_jpeg, read_image
 from doorway3ds.types import Decision
-from doorway3ds.web.base.errors import ApiError, busy, errors
+from doorway3ds.web.base.errors import ApiError, busy, errors, file_or
 from doorway3ds.web.base.routes import json_answer
 from doorway3ds.web.serve import schemas
 from doorway3ds.web.serve.body import Upload, read_upload
@@ -56,10 +56,9 @@ async def decide(
 @router.post(
     "/v1/annotate",
     response_class=Response,
-    responses={
-        **errors(400, *_ALWAYS, 408, 413, 415, 422, 429, 500, 503),
-        200: {"content": {"image/jpeg": {}}, "description": "The annotated image."},
-    },
+    responses=file_or(
+        "image/jpeg", "The annotated image.", 400, *_ALWAYS, 408, 413, 415, 422, 429, 500, 503
+    ),
     openapi_extra=schemas.upload_body(),
     summary="Draw the decision on one image",
 )
@@ -189,10 +188,7 @@ def _snapshot(live: Live, frame: int | None) -> Snapshot:
 @router.get(
     "/v1/frame.jpg",
     response_class=Response,
-    responses={
-        **errors(*_ALWAYS, 404, 422, 429, 503),
-        200: {"content": {"image/jpeg": {}}, "description": "X-Frame is the frame's number."},
-    },
+    responses=file_or("image/jpeg", "X-Frame is the frame's number.", *_ALWAYS, 404, 422, 429, 503),
     summary="The source's newest image",
 )
 async def frame_jpg(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from doorway3ds.lab.sim.homes import apartment as homes
-from doorway3ds.lab.sim.homes import clutter, furniture
+from doorway3ds.lab.sim.homes import clutter
 from doorway3ds.lab.sim.homes.clutter import cable, closet, pet, toys
 from doorway3ds.lab.sim.homes.furnish import ROOMS, footprint, furnish, overlap
 from doorway3ds.lab.sim.homes.plan import Plan
@@ -83,7 +83,7 @@ def test_furniture_stands_inside_its_room_and_apart(seed: int) -> None:
             assert not any(overlap(a, b) for b in rects[i + 1 :])
 
 
-IN_ROOMS = {getattr(furniture, name) for row in ROOMS.values() for name, _ in row}
+IN_ROOMS = {make for row in ROOMS.values() for make, _ in row}
 
 
 @pytest.mark.parametrize("maker", sorted(IN_ROOMS

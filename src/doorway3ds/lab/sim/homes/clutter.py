@@ -360,12 +360,11 @@ def pet(rng: Rng) -> Item:
     return Item("pet", (0.22 * k, 0.92 * k, 0.6 * k), tuple(grown))
 
 
-def _any_of(names: str) -> tuple[Maker, ...]:
-    return tuple(globals()[name] for name in names.split())
-
-
-SMALL = _any_of(
-    "carton carton bag bin_ basket plant plant floor_lamp stool shoes toy robot_cleaner suitcase"
-)
-BLOCKERS = _any_of("carton carton suitcase basket plant stool person drying_rack bin_ bag")
-WALL = _any_of("painting painting painting poster clock shelf shelf coats")
+SMALL: tuple[Maker, ...] = (
+    carton, carton, bag, bin_, basket, plant, plant, floor_lamp, stool, shoes, toy, robot_cleaner,
+    suitcase,
+)  # fmt: skip
+BLOCKERS: tuple[Maker, ...] = (
+    carton, carton, suitcase, basket, plant, stool, person, drying_rack, bin_, bag,
+)  # fmt: skip
+WALL: tuple[Maker, ...] = (painting, painting, painting, poster, clock, shelf, shelf, coats)

@@ -8,7 +8,7 @@ import numpy as np
 
 from doorway3ds.lab.sim.homes import clutter, furniture
 from doorway3ds.lab.sim.homes.apartment import Home, Portal, Room
-from doorway3ds.lab.sim.homes.furniture import Item
+from doorway3ds.lab.sim.homes.furniture import Item, Maker
 
 Rng = np.random.Generator
 Rect = tuple[float, float, float, float]  # x0, y0, x1, y1
@@ -88,25 +88,44 @@ def doormat(portal: Portal, wall: float, side: int) -> Rect:
     return min(a[0], b[0]), min(a[1], b[1]), max(a[0], b[0]), max(a[1], b[1])
 
 
-_ROOMS = {
-    "living": "sofa 1, tv_unit .85, bookshelf .7, armchair .6, dresser .5, coffee_table .75, "
-    "bookshelf .3, desk .2",
-    "bedroom": "bed 1, wardrobe .9, dresser .7, dresser .5, desk .35, chair .4, bookshelf .3",
-    "kitchen": "kitchen 1, fridge .9, dining .55, washer .3, kitchen .3, bookshelf .15",
-    "bath": "basin 1, toilet .9, bathtub .6, washer .5",
-    "office": "desk 1, bookshelf .9, bookshelf .5, dresser .4, armchair .35, desk .3, wardrobe .2",
-    "dining": "dining 1, dresser .8, bookshelf .4",
-    "corridor": "dresser .35, bookshelf .2",
-    "store": "bookshelf .9, washer .4, wardrobe .3",
-}
-ROOMS = {
-    kind: [(name, float(chance)) for name, chance in map(str.split, row.split(","))]
-    for kind, row in _ROOMS.items()
-}
+ROOMS: dict[str, tuple[tuple[Maker, float], ...]] = {
+    "living": (
+        (furniture.sofa, 1.0), (furniture.tv_unit, 0.85), (furniture.bookshelf, 0.7),
+        (furniture.armchair, 0.6), (furniture.dresser, 0.5), (furniture.coffee_table, 0.75),
+        (furniture.bookshelf, 0.3), (furniture.desk, 0.2),
+    ),
+    "bedroom": (
+        (furniture.bed, 1.0), (furniture.wardrobe, 0.9), (furniture.dresser, 0.7),
+        (furniture.dresser, 0.5), (furniture.desk, 0.35), (furniture.chair, 0.4),
+        (furniture.bookshelf, 0.3),
+    ),
+    "kitchen": (
+        (furniture.kitchen, 1.0), (furniture.fridge, 0.9), (furniture.dining, 0.55),
+        (furniture.washer, 0.3), (furniture.kitchen, 0.3), (furniture.bookshelf, 0.15),
+    ),
+    "bath": (
+        (furniture.basin, 1.0), (furniture.toilet, 0.9), (furniture.bathtub, 0.6),
+        (furniture.washer, 0.5),
+    ),
+    "office": (
+        (furniture.desk, 1.0), (furniture.bookshelf, 0.9), (furniture.bookshelf, 0.5),
+        (furniture.dresser, 0.4), (furniture.armchair, 0.35), (furniture.desk, 0.3),
+        (furniture.wardrobe, 0.2),
+    ),
+    "dining": (
+        (furniture.dining, 1.0), (furniture.dresser, 0.8), (furniture.bookshelf, 0.4),
+    ),
+    "corridor": (
+        (furniture.dresser, 0.35), (furniture.bookshelf, 0.2),
+    ),
+    "store": (
+        (furniture.bookshelf, 0.9), (furniture.washer, 0.4), (furniture.wardrobe, 0.3),
+    ),
+}  # fmt: skip
 """Furniture of each kind of room, and how likely it is there."""
 MIRRORED = {"bath": 0.8, "corridor": 0.5, "bedroom": 0.45, "living": 0.25}
 RUGGED = ("living", "bedroom", "dining", "corridor", "office")
-_FREE = ("coffee_table", "dining")  # the rest stands against walls
+_FREE = (furniture.coffee_table, furniture.dining)  # the rest stands against walls
 
 
 class _Room:
@@ -302,10 +321,10 @@ def furnish(home: Home) -> Furnished:
     for room in home.rooms:
         space = _Room(home, room, rng)
         mirrors += _built_in(space)
-        for name, chance in ROOMS.get(room.kind, ()):
+        for make, chance in ROOMS.get(room.kind, ()):
             if rng.random() < chance * full:
-                put = space.inside if name in _FREE else space.against_wall
-                put(getattr(furniture, name)(rng))
+                put = space.inside if make in _FREE else space.against_wall
+                put(make(rng))
         for portal in home.portals_of(room.index):
             if portal.is_open and rng.random() < 0.2:
                 _block(space, rng, portal)

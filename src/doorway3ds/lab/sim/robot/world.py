@@ -10,12 +10,13 @@ import math
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Camera, Pose
+from doorway3ds.closing import Closing
 from doorway3ds.errors import CallError
 from doorway3ds.lab.sim.homes.apartment import Home
 from doorway3ds.lab.sim.homes.plan import Plan
@@ -33,16 +34,13 @@ from doorway3ds.sources.address import query
 from doorway3ds.sources.base import Source, View
 from doorway3ds.types import Frame
 
-if TYPE_CHECKING:
-    from typing_extensions import Self
-
 T = TypeVar("T")
 VIEWS_KEPT = 8
 AIM_S = 0.5
 SIZES = {"qvga": (320, 240), "vga": (640, 480)}
 
 
-class Studio:
+class Studio(Closing):
     """Draws homes, one at a time. OpenGL belongs to one thread, which is here; calls may come from
     any other.
 
@@ -100,12 +98,6 @@ class Studio:
         with contextlib.suppress(RuntimeError):
             self._do(free)
         self._thread.shutdown()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()
 
     def _do(self, work: Callable[[], T]) -> T:
         return self._thread.submit(work).result()

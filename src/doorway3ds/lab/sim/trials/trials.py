@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from doorway3ds.errors import UserError
-from doorway3ds.files import write_bytes
+from doorway3ds.files import write_bytes, write_json
 from doorway3ds.lab.evaluate.intervals import Interval, mean, paired_difference, wilson
 from doorway3ds.lab.evaluate.report.html import cell, markdown
 from doorway3ds.lab.evaluate.report.plots import COLORS, figure
@@ -126,7 +126,7 @@ def _require_same_files(out: Path, network: str) -> None:
         raise UserError(
             f"{out} holds episodes of another file of {network}; name another folder by --out"
         )
-    write_bytes(path, (json.dumps(played, indent=1) + "\n").encode())
+    write_json(path, played)
 
 
 def _played(jobs: list[Job], workers: int) -> Iterable[list[Episode]]:

@@ -77,9 +77,7 @@ def compare(
 
     Raises ValueError unless both hold the same pictures in the same order.
     """
-    if [r.truth.image for r in before] != [r.truth.image for r in after]:
-        raise ValueError("paired records must be of the same images in the same order")
-    places = [r.truth.place for r in before]
+    places = direction.paired_places(before, after)
     first, second = _measures(before), _measures(after)
     return Comparison(
         intervals.bootstrap(first, places, repeats, seed),
