@@ -82,6 +82,8 @@ class Tuning:
     """Perceptions of held-out pictures, kept so that limits can be tried in milliseconds."""
 
     seen: list[tuple[Frame, Perception, PictureTruth]] = field(default_factory=list)
+    # by limits and picture: once the gate is open, the answer does not depend on it
+    _opened: dict[str, dict[int, DirectionRecord]] = field(default_factory=dict)
 
     @classmethod
     def look(cls, network: Network, parts: Sequence[HeldSet]) -> Tuning:
@@ -106,18 +108,21 @@ class Tuning:
 
     def records(self, point: Mapping[str, Any]) -> list[DirectionRecord]:
         """Whether to go at this point; what lies behind a closed gate is not looked at."""
-        params = override(OpeningParams(), point["limits"])
         gates = Gates(open_from=point["open_from"])
+        params = override(OpeningParams(), point["limits"])
+        kept = self._opened.setdefault(json.dumps(point["limits"]), {})
         found = []
-        for frame, perception, truth in self.seen:
+        for index, (frame, perception, truth) in enumerate(self.seen):
             if perception.p_open < gates.open_from:
                 shut = Reason.NO_DOOR.value
                 found.append(DirectionRecord(truth, (), shut, perception.p_open, None))
                 continue
-            selection = select_opening(perception, frame, params)
-            answer = decide(perception, selection, frame, "opening", gates)
-            told = answer_json(truth.image, truth.place, _LABEL, answer)
-            found.append(direction.record_from_json(truth, told))
+            if index not in kept:
+                selection = select_opening(perception, frame, params)
+                answer = decide(perception, selection, frame, "opening", gates)
+                told = answer_json(truth.image, truth.place, _LABEL, answer)
+                kept[index] = direction.record_from_json(truth, told)
+            found.append(kept[index])
         return found
 
 
