@@ -1,4 +1,4 @@
-"""Files written whole or not at all, their digests, and text that is read or refused."""
+"""Files written whole or not at all, by one process at a time; digests; text read or refused."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from doorway3ds.errors import UserError
+from doorway3ds.errors import CallError, UserError
 
 
 @contextlib.contextmanager
@@ -65,6 +65,36 @@ def write_array(path: str | os.PathLike[str], array: Any) -> Path:
     buffer = io.BytesIO()
     np.save(buffer, np.asarray(array, np.float32))
     return write_bytes(path, buffer.getvalue())
+
+
+@contextlib.contextmanager
+def alone(folder: Path, busy: str | None = None, *, file: str = "") -> Iterator[None]:
+    """Keeps out other processes that ask for the same folder, however this one ends.
+
+    They wait, or are refused with the line `busy` that they bring. Nobody is kept out where the
+    system (Windows) or the file system knows no such locks. Some network folders know those of a
+    `file` in the folder, which is made if missing, but not the folder's own.
+
+    Raises CallError if the folder is `busy`, UserError if it cannot be opened.
+    """
+    try:
+        import fcntl
+    except ModuleNotFoundError:
+        yield
+        return
+    try:
+        held = os.open(folder / file, os.O_RDWR | os.O_CREAT if file else os.O_RDONLY, 0o666)
+    except OSError as error:
+        raise UserError(f"cannot write to {folder}: {error.strerror}") from error
+    try:
+        with contextlib.suppress(OSError):
+            try:
+                fcntl.flock(held, fcntl.LOCK_EX | (fcntl.LOCK_NB if busy else 0))
+            except BlockingIOError as error:
+                raise CallError(str(busy)) from error
+        yield
+    finally:
+        os.close(held)
 
 
 def digest(path: Path) -> str:

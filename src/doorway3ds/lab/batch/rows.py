@@ -22,7 +22,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from doorway3ds.errors import CallError, UserError
-from doorway3ds.files import read_text, write_bytes
+from doorway3ds.files import alone, read_text, write_bytes
 from doorway3ds.types import Decision
 
 Row = dict[str, Any]
@@ -113,22 +113,21 @@ class DataSet:
     _rows: list[Row] = field(default_factory=list, repr=False)
     _stale: list[Row] = field(default_factory=list, repr=False)
     _flushed_s: float = field(default_factory=time.monotonic, repr=False)
-    _lock: Any = field(default=None, repr=False)
+    _open: contextlib.ExitStack = field(default_factory=contextlib.ExitStack, repr=False)
 
     def __enter__(self) -> DataSet:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            self._lock = _locked(self.folder / "_lock")
         except OSError as error:
             raise UserError(f"cannot write {self.folder}: {error.strerror or error}") from error
-        try:
+        with contextlib.ExitStack() as opening:
+            busy = f"{self.folder} is being written by another batch"
+            opening.enter_context(alone(self.folder, busy, file="_lock"))
             self._check_settings()
             for left in self.folder.glob(".*.part"):
                 left.unlink(missing_ok=True)
             self._read_known()
-        except BaseException:
-            self._lock.close()
-            raise
+            self._open = opening.pop_all()
         return self
 
     def __exit__(
@@ -138,8 +137,7 @@ class DataSet:
         trace: TracebackType | None,
     ) -> None:
         # What is decided is kept, also after Ctrl-C; an error of writing would hide the first one.
-        with contextlib.ExitStack() as stack:
-            stack.callback(self._lock.close)
+        with self._open:
             if error is None or not isinstance(error, UserError):
                 self.flush()
 
@@ -277,18 +275,3 @@ def _write(path: Path, table: pa.Table) -> None:
     buffer = io.BytesIO()
     pq.write_table(table, buffer, compression="zstd")
     write_bytes(path, buffer.getvalue())
-
-
-def _locked(path: Path) -> Any:
-    """An open file that no other process has locked; the system frees it however we end."""
-    file = path.open("w")
-    try:
-        import fcntl
-    except ImportError:  # Windows: two batches on one folder are the user's to avoid
-        return file
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        file.close()
-        raise CallError(f"{path.parent} is being written by another batch") from error
-    return file

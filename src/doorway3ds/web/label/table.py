@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
-import os
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from itertools import chain
 from pathlib import Path
 
 from doorway3ds.errors import UserError
-from doorway3ds.files import write_bytes
+from doorway3ds.files import alone, write_bytes
 from doorway3ds.lab.datasets.csvfile import Row, csv_bytes, csv_columns, csv_rows
 from doorway3ds.web.label.marks import COLUMNS, NEEDED, Marks, from_rows, to_rows
 
@@ -61,7 +59,7 @@ class Table:
         Raises MarkedMeanwhile if the rows are not of `revision`, UserError if the file
         cannot be read or written; it then is as it was.
         """
-        with self._lock, _alone(self.path.parent):
+        with self._lock, alone(self.path.parent):
             self._read()
             if revision != self._revision(name):
                 raise MarkedMeanwhile
@@ -119,23 +117,3 @@ def _signature(path: Path) -> tuple[int, ...] | None:
     except OSError as error:
         raise UserError(f"cannot read {path}: {error.strerror}") from error
     return found.st_mtime_ns, found.st_size, found.st_ino
-
-
-@contextlib.contextmanager
-def _alone(folder: Path) -> Iterator[None]:
-    """Keeps other processes that label the same folder waiting; where locks are unknown, not."""
-    try:
-        import fcntl
-    except ModuleNotFoundError:  # Windows: one process a folder
-        yield
-        return
-    try:
-        held = os.open(folder, os.O_RDONLY)
-    except OSError as error:
-        raise UserError(f"cannot write to {folder}: {error.strerror}") from error
-    try:
-        with contextlib.suppress(OSError):  # some network folders know no locks
-            fcntl.flock(held, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(held)
