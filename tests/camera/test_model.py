@@ -10,6 +10,7 @@ import yaml
 from doorway3ds.camera.choice import default_camera
 from doorway3ds.camera.info import read_camera_info, write_camera_info
 from doorway3ds.camera.model import (
+    OPTICAL,
     Camera,
     Pose,
     back_project,
@@ -211,3 +212,28 @@ def test_other_files_are_refused(tmp_path, content):
         read_camera_info(path)
     with pytest.raises(UserError, match="cannot read"):
         read_camera_info(tmp_path / "none.yaml")
+
+
+def test_pose_of_a_known_transform():
+    """Yaw 90 left, then 30 up: forward is (0, cos 30, sin 30), left stays (-1, 0, 0)."""
+    c, s = math.sqrt(0.75), 0.5
+    transform = np.array([[0, -1, 0, 0.1], [c, 0, -s, -0.2], [s, 0, c, 1.2], [0, 0, 0, 1]])
+    found = Pose.from_transform(transform)
+    assert vars(found) == pytest.approx(vars(Pose(1.2, 30, 90, 0, 0.1, -0.2)))
+    transform[2, 3] = 0
+    assert Pose.from_transform(transform).height_m is None
+
+
+@pytest.mark.parametrize(
+    "pose",
+    [
+        Pose(0.52, -1.2, forward_m=0.059),
+        Pose(1.2, pitch_deg=-17, yaw_deg=25, roll_deg=4, forward_m=0.2, left_m=-0.05),
+        Pose(0.3, pitch_deg=30, yaw_deg=170, roll_deg=-90),
+    ],
+)
+def test_a_pose_by_its_own_rotation_is_the_same(pose):
+    transform = np.eye(4)
+    transform[:3, :3] = rotation(pose) @ OPTICAL.T
+    transform[:3, 3] = pose.forward_m, pose.left_m, pose.height_m
+    assert vars(Pose.from_transform(transform)) == pytest.approx(vars(pose), abs=1e-9)

@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 
 _FOV_DEG = (0.01, 179.99)
 
+OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""Takes vectors of a camera's frame into its body's: x forward, y left, z up."""
+
 
 @dataclass(frozen=True)
 class Camera:
@@ -229,6 +232,22 @@ class Pose:
         for name in ("pitch_deg", "yaw_deg", "roll_deg", "forward_m", "left_m"):
             require_number(name, getattr(self, name))
 
+    @classmethod
+    def from_transform(cls, transform: Array) -> Pose:
+        """By the (4, 4) from the camera's body frame into the robot's frame.
+
+        Both are x forward, y left, z up. A lens not above the robot's origin has no known height.
+        """
+        forward, left, up = (float(v) for v in transform[:3, 3])
+        return cls(
+            height_m=up if up > 0 else None,
+            pitch_deg=math.degrees(math.asin(min(1.0, max(-1.0, transform[2, 0])))),
+            yaw_deg=math.degrees(math.atan2(transform[1, 0], transform[0, 0])),
+            roll_deg=math.degrees(math.atan2(transform[2, 1], transform[2, 2])),
+            forward_m=forward,
+            left_m=left,
+        )
+
     def mirrored(self) -> Pose:
         """The pose that goes with an image flipped left to right."""
         return replace(self, yaw_deg=-self.yaw_deg, roll_deg=-self.roll_deg, left_m=-self.left_m)
@@ -262,8 +281,7 @@ def rotation(pose: Pose) -> Array:
     turn = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
     nod = np.array([[cp, 0, -sp], [0, 1, 0], [sp, 0, cp]])  # + up: REP-103's turn about y, negated
     tilt = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    axes = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
-    matrix = np.asarray(turn @ nod @ tilt @ axes, dtype=np.float64)
+    matrix = np.asarray(turn @ nod @ tilt @ OPTICAL, dtype=np.float64)
     matrix.flags.writeable = False
     return matrix
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doorway3ds.camera.info import check_lens, distortion
-from doorway3ds.camera.model import Array, Camera, Pose
+from doorway3ds.camera.model import OPTICAL, Array, Camera, Pose
 from doorway3ds.errors import UserError
 from doorway3ds.images.codec import read_image
 
@@ -185,21 +185,14 @@ def transform_of(transform: Any) -> Array:
     return whole
 
 
-_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-
-
 def pose_of(transform: Array) -> Pose:
     """The camera's pose by the (4, 4) transform from its optical frame into the robot's frame.
 
     The robot's frame counts as on the floor, under the turning axis.
     """
-    turn = transform[:3, :3] @ _FROM_OPTICAL.T
-    pitch = math.asin(float(np.clip(turn[2, 0], -1, 1)))
-    yaw = math.atan2(turn[1, 0], turn[0, 0])
-    roll = math.atan2(turn[2, 1], turn[2, 2])
-    forward, left, up = (float(v) for v in transform[:3, 3])
-    yaw_deg, pitch_deg, roll_deg = (math.degrees(a) for a in (yaw, pitch, roll))
-    return Pose(up if up > 0 else None, pitch_deg, yaw_deg, roll_deg, forward, left)
+    body = transform.copy()
+    body[:3, :3] = transform[:3, :3] @ OPTICAL.T
+    return Pose.from_transform(body)
 
 
 ROBOT_FRAMES = ("base_footprint", "base_link")

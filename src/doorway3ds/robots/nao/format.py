@@ -93,18 +93,11 @@ def camera_of(fields: Sequence[Any]) -> Camera | None:
 
 
 def pose_of(transform: Any) -> Pose:
-    """The pose of a camera (x forward, y left, z up) from its 4x4 transform in FRAME_ROBOT.
+    """The pose of a camera from its 4x4 transform in FRAME_ROBOT, row by row.
 
     Raises UserError for what is none.
     """
     m = np.asarray(numbers("a camera's transform", transform, 16)).reshape(4, 4)
     if not np.allclose(m[:3, :3] @ m[:3, :3].T, np.eye(3), atol=ROTATION):
         raise UserError("a camera's transform: expected a rotation, got numbers that are none")
-    return Pose(
-        height_m=float(m[2, 3]),
-        pitch_deg=math.degrees(math.asin(max(-1.0, min(1.0, m[2, 0])))),
-        yaw_deg=math.degrees(math.atan2(m[1, 0], m[0, 0])),
-        roll_deg=math.degrees(math.atan2(m[2, 1], m[2, 2])),
-        forward_m=float(m[0, 3]),
-        left_m=float(m[1, 3]),
-    )
+    return Pose.from_transform(m)

@@ -3,9 +3,10 @@ import math
 import numpy as np
 import pytest
 
+from doorway3ds.camera.model import Pose
 from doorway3ds.camera.presets import PRESETS
 from doorway3ds.lab.sim.robot.body import MODELS, Body, FastClock, Gait
-from doorway3ds.robots.nao.format import FRAME_ROBOT, pose_of
+from doorway3ds.robots.nao.format import FRAME_ROBOT
 
 
 def test_a_turn_of_25_degrees_slips_by_less_than_five() -> None:
@@ -48,7 +49,7 @@ def test_walking_follows_the_heading() -> None:
 @pytest.mark.parametrize(("model", "camera"), [("nao", "nao-v5-top"), ("pepper", "pepper-top")])
 def test_the_lens_is_where_the_preset_has_it(model: str, camera: str) -> None:
     body = Body(model=MODELS[model])
-    pose = pose_of(list(body.transform("CameraTop", FRAME_ROBOT).ravel()))
+    pose = Pose.from_transform(body.transform("CameraTop", FRAME_ROBOT))
     wanted = PRESETS[camera][1]
     assert pose.height_m == pytest.approx(wanted.height_m, abs=0.002)
     assert pose.forward_m == pytest.approx(wanted.forward_m, abs=0.002)
@@ -63,6 +64,6 @@ def test_the_head_turns_left_and_looks_down_within_its_limits() -> None:
     clock.sleep(0.25)
     assert body.angle("HeadYaw") == pytest.approx(0.25)
     clock.sleep(9.0)
-    pose = pose_of(list(body.transform("CameraTop", FRAME_ROBOT).ravel()))
+    pose = Pose.from_transform(body.transform("CameraTop", FRAME_ROBOT))
     assert pose.yaw_deg == pytest.approx(math.degrees(0.5))
     assert pose.pitch_deg == pytest.approx(-math.degrees(0.5149 + 0.0209), abs=0.01)

@@ -29,7 +29,7 @@ from doorway3ds.lab.sim.robot.ground import Ground
 from doorway3ds.lab.sim.robot.model import MODELS
 from doorway3ds.lab.sim.stages.scenarios import SCENES, Stage, find
 from doorway3ds.robots.base import Robot, RobotPose, TurnEnd, TurnResult
-from doorway3ds.robots.nao.format import FRAME_ROBOT, pose_of
+from doorway3ds.robots.nao.format import FRAME_ROBOT
 from doorway3ds.sources.address import query
 from doorway3ds.sources.base import Source, View
 from doorway3ds.types import Frame
@@ -171,7 +171,7 @@ class World:
         return Eye(x, y, heading % 360, self.pose(part))
 
     def pose(self, part: str = "CameraTop") -> Pose:
-        return pose_of([float(v) for v in self.body.transform(part, FRAME_ROBOT).ravel()])
+        return Pose.from_transform(self.body.transform(part, FRAME_ROBOT))
 
     def shot(self, width: int, height: int, part: str = "CameraTop") -> Shot:
         """What the camera sees now."""
@@ -248,7 +248,7 @@ def stage_of(studio: Studio, scene: str, seed: int, model: str = "nao") -> Stage
     def pose(yaw: float, pitch: float) -> Pose:
         body.aim("HeadYaw", yaw, 1e12)
         body.aim("HeadPitch", pitch, 1e12)
-        return pose_of([float(v) for v in body.transform("CameraTop", FRAME_ROBOT).ravel()])
+        return Pose.from_transform(body.transform("CameraTop", FRAME_ROBOT))
 
     camera = body.camera(320, 240)
     return find(scene, seed, camera, pose, lambda home, eye: studio.truth(home, camera, eye)[1])
