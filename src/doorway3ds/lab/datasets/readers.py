@@ -98,11 +98,7 @@ def read_dataset(
         fit = folder_camera(path)
         samples = [replace(s, fit=fit) for s in samples]
     if places is not None:
-        missing = [s.name for s in samples if s.name not in places]
-        if missing:
-            raise UserError(f"the places file names no place for {missing[0]}")
-        samples = [replace(s, place=places[s.name]) for s in samples]
-        known = True
+        samples, known = in_places(samples, places), True
     if not samples:
         raise UserError(f"{path} holds no marked images ({layout} layout)")
     return Dataset(path, layout, tuple(sorted(samples, key=lambda s: s.name)), known)
@@ -111,6 +107,16 @@ def read_dataset(
 def read_places(path: Path) -> dict[str, str]:
     """A CSV with columns image and place."""
     return {row["image"]: row["place"] for _, row in csv_rows(path, ("image", "place"))}
+
+
+def in_places(samples: Iterable[Sample], places: Mapping[str, str]) -> list[Sample]:
+    """Samples with the places of a places file; UserError if it leaves an image out."""
+    placed = []
+    for sample in samples:
+        if sample.name not in places:
+            raise UserError(f"the places file names no place for {sample.name}")
+        placed.append(replace(sample, place=places[sample.name]))
+    return placed
 
 
 def guess_layout(path: Path) -> str:

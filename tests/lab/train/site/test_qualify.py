@@ -129,6 +129,12 @@ def test_too_little_is_refused_in_one_line(
         read_site(site)
 
 
+def test_a_places_file_that_leaves_an_image_out_is_refused(tmp_path: Path) -> None:
+    site = write_site(tmp_path / "site", marked=False)
+    with pytest.raises(UserError, match=r"names no place for no-door/room00/1\.png"):
+        read_site(site, places={"no-door/room00/0.png": "hall"})
+
+
 def test_unreadable_pictures_are_left_out_and_named(tmp_path: Path) -> None:
     site = write_site(tmp_path / "site")
     (site / "room03" / "0.png").write_bytes(b"no image")

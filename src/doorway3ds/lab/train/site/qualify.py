@@ -21,7 +21,7 @@ from doorway3ds.files import digest, write_bytes
 from doorway3ds.lab.datasets import places as groups
 from doorway3ds.lab.datasets.doors import DoorPictures, check_pictures
 from doorway3ds.lab.datasets.places import ALL, Choice, Seen, unseen
-from doorway3ds.lab.datasets.readers import CLASS_FOLDERS, guess_layout, read_dataset
+from doorway3ds.lab.datasets.readers import CLASS_FOLDERS, guess_layout, in_places, read_dataset
 from doorway3ds.lab.datasets.samples import Sample as Picture
 from doorway3ds.lab.datasets.samples import load_frame, with_camera
 from doorway3ds.lab.evaluate.direction import DirectionRecord
@@ -111,10 +111,7 @@ def read_site(
         data = with_camera(replace(data, samples=tuple(samples)), *camera)
         samples = list(data.samples)
     if places is not None:
-        missing = [s.name for s in samples if s.name not in places]
-        if missing:
-            raise UserError(f"the places file names no place for {missing[0]}")
-        samples, known = [replace(s, place=places[s.name]) for s in samples], True
+        samples, known = in_places(samples, places), True
     found = check_pictures(samples, folder, choice, places_known=known, seen=seen)
     for label in sorted(set(found.labels)):
         count = found.labels.count(label)
