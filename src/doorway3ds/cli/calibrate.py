@@ -13,7 +13,7 @@ import typer
 from doorway3ds.arguments import listed
 from doorway3ds.camera.options import BoardOptions, LensOptions
 from doorway3ds.cli.shared.options import expand
-from doorway3ds.cli.shared.output import complain, quiet_decoders
+from doorway3ds.cli.shared.output import apart, complain, quiet_decoders
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.options import setting
 
@@ -84,6 +84,7 @@ def calibrate(
     if not images:
         raise CallError("name images of a board, or --board-pdf FILE to print one")
 
+    apart({"--out": out}, images)
     kind = None if model is None else _MODELS[model]
     if len(images) == 1 and _is_source(images[0]):
         _report(_guided(images[0], board, name or out.stem, kind), out)

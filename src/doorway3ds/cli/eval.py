@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from doorway3ds.cli.shared.options import Mirror, expand
-from doorway3ds.cli.shared.output import print_tables, say, write_numbers
+from doorway3ds.cli.shared.output import apart, print_tables, report_files, say, write_numbers
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.training import command_line
 from doorway3ds.decide.options import PACKAGED
@@ -86,6 +86,7 @@ def direction(
     from doorway3ds.lab.evaluate.report import pages
     from doorway3ds.networks.mirrored import Mirrored
 
+    _apart(pictures, report, save_answers, answers)
     dataset = _dataset(data, pictures)
     runs: runners.DirectionRuns = runners.Runs()
     if answers:
@@ -150,6 +151,7 @@ def classifier(
     from doorway3ds.lab.evaluate.report import pages
     from doorway3ds.networks.mirrored import Mirrored
 
+    _apart(pictures, report)
     dataset = _dataset(data, pictures)
     runs: runners.Runs[str, scores.ClassifierRecord] = runners.Runs()
     for part, k in _parts(dataset, pictures):
@@ -186,6 +188,7 @@ def depth(
     from doorway3ds.lab.evaluate import runners
     from doorway3ds.lab.evaluate.report import pages
 
+    _apart(pictures, report)
     dataset = _dataset(data, pictures)
     runs: runners.Runs[runners.Protocol, scores.DepthRecord] = runners.Runs()
     for part, k in _parts(dataset, pictures):
@@ -226,6 +229,7 @@ def overview(
     from doorway3ds.lab.evaluate import overview as tables
     from doorway3ds.networks.registry import load
 
+    apart({"--json": json_file}, [held_out])
     names = network or [PACKAGED]
     rows: list[tables.Row] = []
     for part in tables.held_sets(datasets, tables.read_held(held_out)):
@@ -234,6 +238,21 @@ def overview(
         write_numbers(json_file, {"rows": rows})
     if str(json_file) != "-":
         typer.echo(tables.table(rows), nl=False)
+
+
+def _apart(
+    pictures: DataOptions,
+    report: ReportOptions,
+    save_answers: Path | None = None,
+    answers: Sequence[Path] | None = None,
+) -> None:
+    """Before anything takes long: no file that is written replaces another, or one that is read."""
+    written = {**report_files("--out", report.out), "--json": report.json_file}
+    marks = pictures.marks if isinstance(pictures, MarkOptions) else None
+    apart(
+        {**written, "--save-answers": save_answers},
+        [*(answers or ()), pictures.images, pictures.places, marks],
+    )
 
 
 def _dataset(data: str, options: DataOptions) -> Dataset:

@@ -14,7 +14,7 @@ import typer
 
 from doorway3ds.camera.options import CameraOptions
 from doorway3ds.cli.shared.options import expand
-from doorway3ds.cli.shared.output import complain, quiet_decoders, say
+from doorway3ds.cli.shared.output import apart, complain, quiet_decoders, say
 from doorway3ds.cli.shared.robot import (
     ROBOT_HELP,
     RunFolder,
@@ -27,7 +27,7 @@ from doorway3ds.cli.shared.robot import (
     reason_word,
     require_robot,
 )
-from doorway3ds.cli.shared.viewer import Rerun, viewer_of
+from doorway3ds.cli.shared.viewer import Rerun, recorded, viewer_of
 from doorway3ds.cli.shared.watch import Watch, counts, print_json
 from doorway3ds.decide.options import DecideOptions
 from doorway3ds.errors import CallError, UserError
@@ -100,7 +100,10 @@ def live(
 
     from doorway3ds.live.session import Session
     from doorway3ds.robots.loop import LoopParams
+    from doorway3ds.robots.runlog import LOG
 
+    line = None if log is None else log / LOG
+    apart({"--out": out, "--bag": bag, "--rerun": recorded(rerun), "--log": line}, [source])
     with ExitStack() as stack:
         stack.enter_context(ended_by_sigterm())
         read_as = asdict(replace(reading, pace=pace))

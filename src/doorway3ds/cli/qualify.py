@@ -10,7 +10,7 @@ import typer
 
 from doorway3ds.camera.options import LensOptions
 from doorway3ds.cli.shared.options import expand
-from doorway3ds.cli.shared.output import say, write_numbers
+from doorway3ds.cli.shared.output import apart, report_files, say, write_numbers
 from doorway3ds.cli.shared.progress import Progress
 from doorway3ds.cli.shared.training import Watch, command_line
 from doorway3ds.decide.options import PACKAGED
@@ -66,6 +66,14 @@ def qualify(
         raise CallError(f"--out must be the site model's file, such as site.onnx, got {out}")
     if answers and len(answers) != 2:
         raise CallError("--answers compares two networks; give it twice, before and after")
+    from doorway3ds.networks.registry import CARDS
+
+    if not answers:
+        cards = {f"the card ({end}) of --out": out.with_suffix(end) for end in CARDS}
+        written = {"--out": out, **cards, **report_files("--report", report), "--json": json_file}
+        apart(written, [site.places])
+    else:
+        apart({"--json": json_file}, [*answers, site.places])
     from doorway3ds.camera.choice import choose_camera
     from doorway3ds.lab.train.engine import backend as engine
     from doorway3ds.lab.train.engine import outcome

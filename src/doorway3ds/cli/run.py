@@ -11,6 +11,7 @@ import typer
 
 from doorway3ds.camera.options import CameraOptions
 from doorway3ds.cli.shared.options import expand
+from doorway3ds.cli.shared.output import apart
 from doorway3ds.cli.shared.output import say as tell
 from doorway3ds.cli.shared.robot import (
     ROBOT_HELP,
@@ -24,7 +25,7 @@ from doorway3ds.cli.shared.robot import (
     reason_word,
     require_robot,
 )
-from doorway3ds.cli.shared.viewer import Rerun, viewer_of
+from doorway3ds.cli.shared.viewer import Rerun, recorded, viewer_of
 from doorway3ds.decide.options import DecideOptions
 from doorway3ds.errors import UserError
 from doorway3ds.options import setting
@@ -71,8 +72,10 @@ def run(
     from doorway3ds.draw.words import counted
     from doorway3ds.live.session import Session
     from doorway3ds.robots.loop import LoopParams, TurnLoop
+    from doorway3ds.robots.runlog import LOG
 
     require_robot(robot)
+    apart({"--log": None if log is None else log / LOG, "--rerun": recorded(rerun)})
     with ExitStack() as stack:
         stack.enter_context(ended_by_sigterm())
         found = stack.enter_context(open_eyes(source, camera))

@@ -6,9 +6,11 @@ import contextlib
 import json
 import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO, cast
+
+from doorway3ds.errors import CallError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -55,6 +57,34 @@ def write_numbers(path: Path, numbers: Any) -> None:
         sys.stdout.write(json.dumps(plain(numbers), allow_nan=False) + "\n")
     else:
         write_json(path, plain(numbers))
+
+
+def apart(written: Mapping[str, Path | str | None], read: Iterable[Path | str | None] = ()) -> None:
+    """CallError if what is written would replace what else is written, or what is read.
+
+    written: files and new folders, by what the user calls them; None and - are none.
+    """
+    inputs = {Path(name).resolve() for name in read if name is not None}
+    taken: list[tuple[str, Path]] = []
+    for name, given in written.items():
+        if given is None or str(given) == "-":
+            continue
+        path = Path(given).resolve()
+        if path in inputs:
+            raise CallError(f"{name} would replace {given}, which is read; name another file")
+        for other, its in taken:
+            if path == its:
+                raise CallError(f"{other} and {name} are both {given}; name another file")
+            if path in its.parents or its in path.parents:
+                inner, outer = (name, other) if its in path.parents else (other, name)
+                raise CallError(f"{inner} would lie in what {outer} writes; name another file")
+        taken.append((name, path))
+
+
+def report_files(option: str, folder: Path | None) -> dict[str, Path]:
+    """What a report writes for certain, for `apart`."""
+    names = () if folder is None else ("report.html", "report.json")
+    return {f"{name} of {option}": Path(folder or "") / name for name in names}
 
 
 class OutputLost(Exception):

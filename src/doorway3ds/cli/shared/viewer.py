@@ -31,6 +31,11 @@ def with_viewer(arguments: Sequence[str]) -> list[str]:
     ]
 
 
+def recorded(rerun: str | None) -> Path | None:
+    """The file that `--rerun` names; None without it, or for a viewer."""
+    return None if rerun in (None, _VIEWER) else Path(str(rerun))
+
+
 @contextlib.contextmanager
 def viewer_of(rerun: str | None) -> Iterator[Viewer | None]:
     """What `--rerun` asks for, closed at the end; None without it."""
@@ -39,7 +44,7 @@ def viewer_of(rerun: str | None) -> Iterator[Viewer | None]:
         return
     from doorway3ds.draw.viewer import Viewer
 
-    viewer = Viewer(None if rerun == _VIEWER else Path(rerun))
+    viewer = Viewer(recorded(rerun))
     try:
         yield viewer
     finally:
