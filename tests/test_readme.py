@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 from doorway3ds.cli.main import commands
 
@@ -60,3 +61,26 @@ def test_the_storeys_are_those_that_the_import_linter_holds() -> None:
     layers = contracts["contracts"][0]["layers"]
     text = (ROOT / "docs" / "architecture.md").read_text()
     assert "\n\n" + "".join(f"    {layer}\n" for layer in layers) + "\n" in text
+
+
+@pytest.mark.parametrize(
+    ("system", "machine", "python", "wanted"),
+    [
+        ("Linux", "x86_64", "3.10", True),
+        ("Linux", "x86_64", "3.12", True),
+        ("Linux", "x86_64", "3.13", False),
+        ("Linux", "aarch64", "3.12", False),
+        ("Darwin", "arm64", "3.12", True),
+        ("Darwin", "arm64", "3.11", False),
+        ("Darwin", "x86_64", "3.12", False),
+        ("Windows", "AMD64", "3.12", False),
+    ],
+)
+def test_the_extra_nao_asks_for_qi_where_it_has_a_wheel(
+    system: str, machine: str, python: str, wanted: bool
+) -> None:
+    """By https://pypi.org/simple/qi/, as docs/boards.md says."""
+    where = {"platform_system": system, "platform_machine": machine, "python_version": python}
+    lines = re.findall(r'^    "(qi>.*)",$', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
+    markers = [Requirement(line).marker for line in lines]
+    assert sum(bool(marker and marker.evaluate(where)) for marker in markers) == int(wanted)

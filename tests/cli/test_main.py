@@ -45,6 +45,18 @@ def test_a_missing_extra_is_an_install_hint(cli: Cli, monkeypatch: pytest.Monkey
     )
 
 
+def test_without_qi_the_hint_says_where_it_exists(
+    cli: Cli, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "qi", None)
+    ran = cli("live", "nao://127.0.0.1:1")
+    assert ran.status == 1
+    assert ran.err == (
+        "3ds: live needs the extra 'nao': pip install 'doorway3ds[nao]' (qi is missing; it exists "
+        "for Python 3.10 to 3.12 on Linux x86-64 and Python 3.12 on macOS with Apple silicon)\n"
+    )
+
+
 def test_a_missing_module_of_our_own_is_a_bug(monkeypatch: pytest.MonkeyPatch, cli: Cli) -> None:
     def broken(*_: object, **__: object) -> None:
         raise ModuleNotFoundError("No module named 'doorway3ds.x'", name="doorway3ds.x")

@@ -126,7 +126,12 @@ def _run(arguments: Sequence[str]) -> int:
         if extra is None:
             raise
         hint = f"needs the extra '{extra}': pip install 'doorway3ds[{extra}]'"
-        return _refuse(f"{' '.join(arguments[:1])} {hint} ({error.name} is missing)", 1)
+        why = f"{error.name} is missing"
+        if error.name == "qi":
+            from doorway3ds.robots.nao.session import WHEELS
+
+            why += f"; it exists for {WHEELS}"
+        return _refuse(f"{' '.join(arguments[:1])} {hint} ({why})", 1)
 
 
 def _refuse(message: str, status: int) -> int:

@@ -23,7 +23,7 @@ from functools import partial
 from typing import Any
 
 from doorway3ds.robots.base import RobotError
-from doorway3ds.robots.nao.session import PORT, Call, Naoqi
+from doorway3ds.robots.nao.session import PORT, WHEELS, Call, Naoqi
 
 CONNECT_S = 10.0
 _SLICE_MS = 50
@@ -57,7 +57,9 @@ def _asked(what: Callable[[], Any]) -> Any:
         raise RuntimeError(str(error)) from None
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            "NAOqi scripts need the qi package: pip install 'doorway3ds[nao]'", name=error.name
+            "NAOqi scripts need the qi package: pip install 'doorway3ds[nao]' (it exists for "
+            f"{WHEELS})",
+            name=error.name,
         ) from None
 
 

@@ -68,6 +68,10 @@ class Call:
         raise RobotError(f"{self._what}: {reason}")
 
 
+WHEELS = "Python 3.10 to 3.12 on Linux x86-64 and Python 3.12 on macOS with Apple silicon"
+"""What the `qi` package can be installed on."""
+
+
 class Naoqi:
     """One session. timeout_s: for each call that does not say otherwise.
 
