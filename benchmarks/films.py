@@ -11,7 +11,7 @@ from doorway3ds.lab.benchmark import made_up_jpeg
 
 
 def made_up_film(path: Path, fps: float = 30.0, seconds: float = 20.0) -> Path:
-    """640x480 MPEG-4: a camera that pans over the picture of `made_up_jpeg` and back."""
+    """640x480 MPEG-4: a camera that pans over the image of `made_up_jpeg` and back."""
     data = np.frombuffer(made_up_jpeg(960, 480), np.uint8)
     wide = np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8)
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), fps, (640, 480))

@@ -3,7 +3,7 @@
     python benchmarks/int8.py runs/held/doornet.onnx nyu --folds 5 --held 2 3 --out int8.onnx
 
 Quantises a network's convolutions statically (ONNX Runtime, QDQ, a scale for each output channel),
-with the ranges of --count pictures of DATASET that lie in none of the held folds, and times it and
+with the ranges of --count images of DATASET that lie in none of the held folds, and times it and
 the network as it is by turns in one process: the median of each, the median of the ratios, and the
 sizes. Needs the extra `train`. What it costs in accuracy tells `3ds eval` of both files, on the
 held folds.
@@ -47,7 +47,7 @@ METHODS = {
 
 
 class Pictures(CalibrationDataReader):  # type: ignore[misc]
-    """Prepared pictures, one after the other."""
+    """Prepared images, one after the other."""
 
     def __init__(self, pictures: list[NDArray[np.float32]]) -> None:
         self._left = iter(pictures)
@@ -65,7 +65,7 @@ def main() -> None:
     parser.add_argument("dataset", type=Path, help="as `3ds eval direction` takes it")
     parser.add_argument("--folds", type=int, default=5)
     parser.add_argument("--held", type=int, nargs="*", default=[], help="folds, from 1 on")
-    parser.add_argument("--count", type=int, default=120, help="pictures that ranges come from")
+    parser.add_argument("--count", type=int, default=120, help="images that ranges come from")
     parser.add_argument("--ranges", choices=sorted(METHODS), default="minmax")
     parser.add_argument("--keep", nargs="*", default=[], help="parts that stay floats")
     parser.add_argument("--repeat", type=int, default=200)

@@ -3,7 +3,7 @@
     python benchmarks/serve_fuzz.py
 
 Up to half are made up by schemathesis from the server's own OpenAPI, half of those breaking the
-rules that it states, and each answer is held against it; the others are damaged pictures, fields,
+rules that it states, and each answer is held against it; the others are damaged images, fields,
 multipart bodies and HTTP heads, and clients that hang up. Counts by kind and status go to standard
 output.
 """
@@ -39,7 +39,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        # Two pictures a second: routes about a source have one, and the processor is the requests'.
+        # Two images a second: routes about a source have one, and the processor is the requests'.
         film = str(made_up_film(Path(folder, "film.mp4"), 2.0, 10.0))
         result = fuzz([film, "--loop", "--network", given.network], given.count, given.seed)
     date = datetime.now().astimezone().isoformat(timespec="seconds")
@@ -115,7 +115,7 @@ def _made_up(url: str, count: int, seed: int) -> tuple[Counter[str], list[str]]:
                 answer = case.call(base_url=url, session=session, timeout=60)
                 statuses[f"schemathesis {mode.value} {answer.status_code}"] += 1  # noqa: B023
                 try:
-                    # A schema cannot say which bytes are a picture, nor which networks there are.
+                    # A schema cannot say which bytes are an image, nor which networks there are.
                     case.validate_response(answer, excluded_checks=[positive_data_acceptance])
                 except (Failure, FailureGroup) as error:
                     broken.setdefault(

@@ -53,7 +53,7 @@ def resident_mb(pid: int) -> float:
 
 
 def start(arguments: list[str], repeat: int) -> dict[str, object]:
-    """Seconds from the command to the first decision on a picture that is posted at once."""
+    """Seconds from the command to the first decision on an image that is posted at once."""
     jpeg, seconds = made_up_jpeg(), []
     for _ in range(repeat + 1):
         begin = time.perf_counter()

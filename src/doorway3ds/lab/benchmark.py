@@ -115,7 +115,7 @@ def weights(network: Network) -> str:
 
 
 def measure_starts(result: Mapping[str, Any], data: bytes, count: int) -> dict[str, Any]:
-    """Seconds and bytes of `3ds look` on one picture in a fresh process, picture written.
+    """Seconds and bytes of `3ds look` on one image in a fresh process, annotated image written.
 
     result: of `measure_decisions`, for the network's name and method.
     """

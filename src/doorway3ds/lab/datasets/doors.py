@@ -1,4 +1,4 @@
-"""Pictures of doorways in classes: read, checked, grouped and split for training."""
+"""Images of doorways in classes: read, checked, grouped and split for training."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _GROUP_COLUMNS = ("group", "place")
 
 @dataclass(frozen=True)
 class DoorPictures(Pictures):
-    """Pictures of two classes. digests: SHA-256 of each file."""
+    """Images of two classes. digests: SHA-256 of each file."""
 
     digests: tuple[str, ...]
 
@@ -41,7 +41,7 @@ def read_door_pictures(
     places: Mapping[str, str] | None = None,
     seen: Seen = unseen,
 ) -> DoorPictures:
-    """The pictures of a folder (a folder per class, or any layout of `3ds eval`) or CSV file.
+    """The images of a folder (a folder per class, or any layout of `3ds eval`) or CSV file.
 
     A CSV has columns image and class (also label, state or open), and may have group or place.
     Unreadable and doubled files are left out.

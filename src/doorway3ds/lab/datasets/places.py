@@ -1,4 +1,4 @@
-"""Which pictures belong together, and splits that keep together what does."""
+"""Which images belong together, and splits that keep together what does."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from doorway3ds.errors import CallError, UserError
 from doorway3ds.lab.datasets.samples import Sample
 
 BITS = 63
-NEAR = 10  # bits in which two pictures of one view differ at most, of BITS
+NEAR = 10  # bits in which two images of one view differ at most, of BITS
 _SIDE, _LOW = 32, 8
 _ROWS = 1024
 
@@ -31,7 +31,7 @@ def unseen(done: int, total: int) -> None:
 
 @dataclass(frozen=True)
 class Choice:
-    """Which pictures of a data set are taken, and which of them are never split.
+    """Which images of a data set are taken, and which of them are never split.
 
     grouping, pattern: see `name_groups`. half_open: see `doors.check_pictures`. limit: at most so
     many (per class, if there are classes), drawn by `seed`.
@@ -65,10 +65,10 @@ class Split:
 
 @dataclass(frozen=True)
 class Pictures:
-    """Readable pictures in groups.
+    """Readable images in groups.
 
-    groups: by picture; what shares one is never split. grouping: how they were found.
-    pairs: pictures that show nearly the same. left_out: why, by name.
+    groups: by image; what shares one is never split. grouping: how they were found.
+    pairs: images that show nearly the same. left_out: why, by name.
     """
 
     samples: tuple[Sample, ...]
@@ -79,7 +79,7 @@ class Pictures:
 
     @property
     def labels(self) -> list[str]:
-        """The class of each picture: `split` holds out a share of every one."""
+        """The class of each image: `split` holds out a share of every one."""
         return ["picture"] * len(self.samples)
 
     def split(self, share: float, seed: int) -> Split:
@@ -93,7 +93,7 @@ class Pictures:
         return Split(tuple(train), tuple(held), leaks)
 
     def told(self, split: Split) -> dict[str, Any]:
-        """What a training's card says of the pictures."""
+        """What a training's card says of the images."""
         return {
             "left_out": dict(self.left_out),
             "grouping": self.grouping,
@@ -130,7 +130,7 @@ def group(
 
 
 def perceptual_hash(image: Image) -> NDArray[np.bool_]:
-    """(2, 63) bits of a (H, W, 3) picture: of itself and mirrored.
+    """(2, 63) bits of a (H, W, 3) image: of itself and mirrored.
 
     Signs of the lowest 8x8 cosine frequencies of a 32x32 grey copy about their median, the
     mean left out (as in Zauner, "Implementation and benchmarking of perceptual image hash
@@ -160,7 +160,7 @@ def near_pairs(hashes: NDArray[np.bool_], near: int = NEAR) -> list[tuple[int, i
 
 
 def clusters(count: int, pairs: Sequence[tuple[int, int]]) -> list[int]:
-    """A group number for each of `count` pictures: pairs, and what they link, share one."""
+    """A group number for each of `count` images: pairs, and what they link, share one."""
     parent = list(range(count))
 
     def root(node: int) -> int:
@@ -185,7 +185,7 @@ def name_groups(
     """The group of each sample, and in words how it was found.
 
     grouping: `auto` takes the samples' places where the data set names them, else
-    near-duplicates; `near` always near-duplicates; `folder` the folder a picture lies in.
+    near-duplicates; `near` always near-duplicates; `folder` the folder an image lies in.
     pattern: instead, a regular expression whose first group is the place, searched in the name.
     """
     if pattern is not None:
@@ -220,7 +220,7 @@ def split(
     """(training, held-out) indices: whole groups, near `share` of each label held out.
 
     In an order that the seed shuffles, each group is held out that brings the shares nearer.
-    Raises UserError where a label's pictures cannot be on both sides.
+    Raises UserError where a label's images cannot be on both sides.
     """
     names = sorted(set(labels))
     of_group: dict[str, NDArray[np.float64]] = {}

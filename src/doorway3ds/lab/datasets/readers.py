@@ -1,9 +1,9 @@
-"""Readers of the layouts in which marked pictures come.
+"""Readers of the layouts in which marked images come.
 
 nyu       images/, depth/ (8-bit), labels/, doorways.csv: NYU Depth v2, 640x480 with its frame
 rendered  images/, depth/ (16-bit millimetres), doorways.csv with a column fx_px, and truth.jsonl
-          with each picture's whole camera and pose where it is there
-plain     images/ (or the pictures beside it), doorways.csv: photographs marked by hand, of any
+          with each image's whole camera and pose where it is there
+plain     images/ (or files beside it), doorways.csv: photographs marked by hand, of any
           size, as `3ds label` writes it; a column `state` tells half open from open, and closed
           from no door
 boxes     images/, boxes.csv: door boxes with a state, portraits squeezed to a square
@@ -34,7 +34,7 @@ from doorway3ds.lab.datasets.samples import Dataset, Marked, Sample
 
 LAYOUTS = ("nyu", "rendered", "plain", "boxes", "folders")
 
-# A white frame of 5-8 px surrounds each NYU picture: rows 10:470, columns 10:630 remain.
+# A white frame of 5-8 px surrounds each NYU image: rows 10:470, columns 10:630 remain.
 NYU_CROP = (10, 470, 10, 630)
 NYU_CAMERA = Camera("nyu-v2 cropped", 620, 460, 518.86, 519.47, 325.58 - 10, 253.74 - 10)
 NYU_UNIT_M = 9.9955 / 255
@@ -71,7 +71,7 @@ _RENDERED_KINDS = {
 CAMERA_FILE = "camera.yaml"
 VIEWS_FILE = "views.csv"
 HALF_OPEN = "half"  # a `state` of an open row
-# What a `state` of a picture marked by hand says is easily taken for an open doorway.
+# What a `state` of an image marked by hand says is easily taken for an open doorway.
 _MARKED_KINDS = {"closed": ("closed door",), "none": ()}
 
 
@@ -80,7 +80,7 @@ def read_dataset(
 ) -> Dataset:
     """The samples of a folder; the layout is told from its files unless given.
 
-    places: place of each picture by name, over what the layout says. Raises UserError, one
+    places: place of each image by name, over what the layout says. Raises UserError, one
     line, on a folder of no known layout and on damaged or missing files.
     """
     if not path.is_dir():
@@ -201,7 +201,7 @@ def _read_doorways(path: Path, layout: str) -> tuple[list[Sample], bool]:
 
 
 def folder_camera(path: Path) -> FitCamera:
-    """The camera of a folder's photographs: that of its camera.yaml, else told by each picture.
+    """The camera of a folder's photographs: that of its camera.yaml, else told by each image.
 
     Raises UserError where the file cannot be read.
     """
@@ -251,7 +251,7 @@ def _with_files(
 
 
 def _read_views(path: Path) -> dict[str, Pose]:
-    """How each picture's camera was tilted; nothing where there is no such file."""
+    """How each image's camera was tilted; nothing where there is no such file."""
     if not path.is_file():
         return {}
     poses = {}
@@ -262,7 +262,7 @@ def _read_views(path: Path) -> dict[str, Pose]:
 
 
 def _read_eyes(path: Path) -> dict[str, tuple[Camera, Pose, list[str]]]:
-    """Camera, pose and what is in view by picture; nothing where there is no such file."""
+    """Camera, pose and what is in view by image; nothing where there is no such file."""
     if not path.is_file():
         return {}
     eyes = {}
@@ -280,7 +280,7 @@ def _read_eyes(path: Path) -> dict[str, tuple[Camera, Pose, list[str]]]:
 
 
 def _kinds(states: Iterable[str], layout: str) -> tuple[str, ...]:
-    """What a picture without a doorway shows instead, each kind once."""
+    """What an image without a doorway shows instead, each kind once."""
     if layout == "rendered":
         found = [_RENDERED_KINDS[state] for state in states if state in _RENDERED_KINDS]
     else:

@@ -1,6 +1,6 @@
 """Marked data sets: what a sample is, how its files are read, how places are held out.
 
-`readers.read_dataset` finds the samples of a folder; nothing here decodes a picture before
+`readers.read_dataset` finds the samples of a folder; nothing here decodes an image before
 it is asked to.
 """
 
@@ -32,14 +32,14 @@ NYU_KINDS = {
     "shelves": (9, 14),  # bookshelf, shelves
     "shower curtain": (27,),
 }
-KIND_SHARE = 0.02  # of a picture's pixels, from which on a kind counts as shown
+KIND_SHARE = 0.02  # of an image's pixels, from which on a kind counts as shown
 
 DEPTH_FULL_M = 10.0
 
 
 @dataclass(frozen=True)
 class Marked:
-    """One opening marked in a picture: columns at mid-height of the picture as it is used."""
+    """One opening marked in an image: columns at mid-height of the image as it is used."""
 
     left_px: float
     right_px: float
@@ -51,14 +51,14 @@ class Marked:
 
 @dataclass(frozen=True)
 class Sample:
-    """One picture with its marks; the files are read by the functions below.
+    """One image with its marks; the files are read by the functions below.
 
-    camera None: what `fit` gives, once the picture's size is known. is_open None: neither
-    open nor closed (half open). crop: (top, bottom, left, right) to cut from picture, depth
-    and labels alike. size: (width, height) to stretch the picture to. depth_unit_m: metres per
+    camera None: what `fit` gives, once the image's size is known. is_open None: neither
+    open nor closed (half open). crop: (top, bottom, left, right) to cut from image, depth
+    and labels alike. size: (width, height) to stretch the image to. depth_unit_m: metres per
     count; counts of 0 are unknown. depth_full: the count that
     stands for DEPTH_FULL_M or more. leaf: left, top, right, bottom of a closed door as fractions
-    of the picture. eigen_box: the Eigen crop in the cropped picture.
+    of the image. eigen_box: the Eigen crop in the cropped image.
     """
 
     name: str
@@ -84,7 +84,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class Dataset:
-    """Samples in name order. places_known: False where each picture is its own place."""
+    """Samples in name order. places_known: False where each image is its own place."""
 
     path: Path
     layout: str
@@ -93,7 +93,7 @@ class Dataset:
 
 
 def load_frame(sample: Sample) -> Frame:
-    """Decode, crop and stretch a sample's picture. Raises UserError where it cannot be read."""
+    """Decode, crop and stretch a sample's image. Raises UserError where it cannot be read."""
     picture = read_image(sample.image_path)
     image = _cropped(picture.image, sample)
     if sample.size is not None:
@@ -152,7 +152,7 @@ def kinds_shown(sample: Sample, labels: NDArray[np.uint8] | None) -> tuple[str, 
 
 
 def bearing_to_column(frame: Frame, bearing_deg: float) -> float:
-    """Column at which a level ray of this bearing (seen from the lens) meets the picture."""
+    """Column at which a level ray of this bearing (seen from the lens) meets the image."""
     angle = math.radians(bearing_deg)
     robot = np.array([math.cos(angle), math.sin(angle), 0.0])
     pixel = ray_to_pixel(frame.camera, rotation(frame.pose).T @ robot)
@@ -216,7 +216,7 @@ def only_named(dataset: Dataset, names: Sequence[str]) -> Dataset:
 
 
 def at_least(dataset: Dataset, confidence: int) -> Dataset:
-    """Pictures, and of them further openings, marked with at least this confidence."""
+    """Images, and of them further openings, marked with at least this confidence."""
     kept = tuple(
         replace(s, openings=tuple(o for o in s.openings if o.confidence >= confidence))
         for s in dataset.samples

@@ -1,4 +1,4 @@
-"""What the marks of a picture say in degrees and metres."""
+"""What the marks of an image say in degrees and metres."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ class TruthOpening:
 
 @dataclass(frozen=True)
 class PictureTruth:
-    """What a picture shows. is_open None (half-open only) stays out of p_open's score.
+    """What an image shows. is_open None (half-open only) stays out of p_open's score.
 
-    place: pictures of one place depend on each other. openings: main one first; without any,
-    and is_open False, there is no doorway to go to. kinds: what such a picture shows that is
+    place: images of one place depend on each other. openings: main one first; without any,
+    and is_open False, there is no doorway to go to. kinds: what such an image shows that is
     easily taken for one.
     """
 
@@ -54,7 +54,7 @@ def picture_truth(sample: Sample, frame: Frame, depth_m: NDArray[Any] | None) ->
     """What the marks say in degrees and metres, by the frame's camera and pose.
 
     A marked opening's bearing is that of the ray through (left_px + right_px) / 2 at the
-    picture's middle row. Its range is the marked one, else that of its jambs in true depth.
+    image's middle row. Its range is the marked one, else that of its jambs in true depth.
     """
     camera, pose = frame.camera, frame.pose
     row = (camera.height - 1) / 2
@@ -80,7 +80,7 @@ def threshold_range_m(
     """Horizontal distance to the middle between the jambs, from true depth.
 
     A jamb is read as the median point of a strip just outside the opening (0.5 to 2.5 % of the
-    width, the middle tenth of the rows). None where the picture's edge cuts a jamb or its
+    width, the middle tenth of the rows). None where the image's edge cuts a jamb or its
     depth is unknown.
     """
     height, width = depth_m.shape

@@ -16,7 +16,7 @@ ECE_BINS = 10
 
 @dataclass(frozen=True)
 class ClassifierRecord:
-    """One picture: whether it shows an open doorway, and the probability given.
+    """One image: whether it shows an open doorway, and the probability given.
 
     kinds: what a negative shows instead ("closed door", "window"); may be several or none.
     """
@@ -30,7 +30,7 @@ class ClassifierRecord:
 
 @dataclass(frozen=True)
 class ClassifierMetrics:
-    """Scores at `threshold`. wilson: shares as of independent pictures; metrics: intervals by
+    """Scores at `threshold`. wilson: shares as of independent images; metrics: intervals by
     resampled places; false_open_by_kind: share of each kind of negative that is called open
     (Wilson).
     """

@@ -1,6 +1,6 @@
-"""Scores of depth maps over many pictures.
+"""Scores of depth maps over many images.
 
-A picture's errors are means over its pixels; a data set's are means over pictures (`mean`),
+An image's errors are means over its pixels; a data set's are means over images (`mean`),
 and also over all pixels together (`pooled`), because publications use both.
 """
 
@@ -23,7 +23,7 @@ MEASURES = ("delta1", "delta2", "delta3", "abs_rel", "rmse", "log10")
 
 @dataclass(frozen=True)
 class DepthRecord:
-    """One picture's errors under one protocol."""
+    """One image's errors under one protocol."""
 
     image: str
     place: str
@@ -32,7 +32,7 @@ class DepthRecord:
 
 @dataclass(frozen=True)
 class DepthMetrics:
-    """metrics: means over pictures, with intervals by place. pooled: over all pixels together."""
+    """metrics: means over images, with intervals by place. pooled: over all pixels together."""
 
     pictures: int
     places: int
@@ -41,7 +41,7 @@ class DepthMetrics:
 
 
 def resize_map(depth_m: NDArray[Any], height: int, width: int) -> NDArray[np.float32]:
-    """A map (h, w) that covers the whole picture, bilinear, at (height, width)."""
+    """A map (h, w) that covers the whole image, bilinear, at (height, width)."""
     source = np.asarray(depth_m, np.float32)
     if source.shape == (height, width):
         return source
@@ -53,7 +53,7 @@ def resize_map(depth_m: NDArray[Any], height: int, width: int) -> NDArray[np.flo
 def average_with_mirrored(
     plain: NDArray[np.float32], of_mirrored: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Mean of a map (h, w) and the map (h, w) of the mirrored picture."""
+    """Mean of a map (h, w) and the map (h, w) of the mirrored image."""
     return np.asarray((plain + of_mirrored[:, ::-1]) / 2, np.float32)
 
 
@@ -71,7 +71,7 @@ def compare(
 
 
 def score(records: Sequence[DepthRecord], repeats: int = 2000) -> DepthMetrics:
-    """Means over the pictures that have any compared pixel."""
+    """Means over the images that have any compared pixel."""
     known = [r for r in records if r.errors.pixels]
     places = [r.place for r in known]
     pixels = np.array([r.errors.pixels for r in known], float)

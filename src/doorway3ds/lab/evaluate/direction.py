@@ -2,12 +2,12 @@
 
 The rule of comparison. An answer's bearing is that of its first listed opening, whatever the
 reason says (`unsure` counts by its bearing; the `paper` method lists none and counts by its
-selected pixel). It is compared with the nearest of the picture's marked openings, further
-(`second`) ones included. A picture with a doorway and without any listed opening is wrong in
+selected pixel). It is compared with the nearest of the image's marked openings, further
+(`second`) ones included. An image with a doorway and without any listed opening is wrong in
 `within` and `inside`, and is left out of the error's median and percentile, which stand
 beside the share `listed`. The way counts as that to the same, nearest, marked opening; where
 nothing is listed, as that to the main one. Bearing and way are the geometry's, also where
-the gate is closed (`no_door`). A picture that shows a doorway, and nobody marked where, counts
+the gate is closed (`no_door`). An image that shows a doorway, and nobody marked where, counts
 for p_open alone: neither as a doorway to point at nor as none.
 """
 
@@ -34,7 +34,7 @@ GO_REASONS = ("turn", "aligned")
 
 @dataclass(frozen=True)
 class DirectionRecord:
-    """One picture's truth beside one answer.
+    """One image's truth beside one answer.
 
     listed: (bearing_deg, range_m) of the listed openings, best first. reason: value of
     `types.Reason`. p_open nan = not given. lies_on: the kind of thing under the first listed
@@ -136,8 +136,8 @@ class Outcome:
 def record_from_json(truth: PictureTruth, answer: Mapping[str, Any]) -> DirectionRecord:
     """The record of one object as `3ds look --json` and `--save-answers` write it.
 
-    The latter adds `selection`: what the geometry says where the gate is closed. Without it a
-    picture that is `no_door` has no way and, by the `paper` method, nothing listed. Raises
+    The latter adds `selection`: what the geometry says where the gate is closed. Without it an
+    image that is `no_door` has no way and, by the `paper` method, nothing listed. Raises
     KeyError, TypeError or ValueError on an object of another kind.
     """
     listed = tuple(
@@ -210,16 +210,16 @@ def difference(
     second: Sequence[DirectionRecord],
     repeats: int = 2000,
 ) -> dict[str, Interval]:
-    """`second - first` per metric, paired by picture and place.
+    """`second - first` per metric, paired by image and place.
 
-    Raises ValueError unless both hold the same pictures in the same order.
+    Raises ValueError unless both hold the same images in the same order.
     """
     places = paired_places(first, second)
     return intervals.paired_difference(measures(first), measures(second), places, repeats)
 
 
 def paired_places(first: Sequence[DirectionRecord], second: Sequence[DirectionRecord]) -> list[str]:
-    """Each picture's place; ValueError unless both hold the same pictures in the same order."""
+    """Each image's place; ValueError unless both hold the same images in the same order."""
     if [r.truth.image for r in first] != [r.truth.image for r in second]:
         raise ValueError("paired records must be of the same images in the same order")
     return [record.truth.place for record in first]

@@ -1,6 +1,6 @@
-"""Confidence intervals: Wilson for independent pictures, bootstrap by place for the rest.
+"""Confidence intervals: Wilson for independent images, bootstrap by place for the rest.
 
-Pictures of one room resemble each other, so resampling single pictures gives intervals
+Images of one room resemble each other, so resampling single images gives intervals
 that are too narrow; whole places are resampled instead (cluster bootstrap, percentile).
 """
 
@@ -21,7 +21,7 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Interval:
-    """A value, its confidence interval, and the number of pictures that it rests on.
+    """A value, its confidence interval, and the number of images that it rests on.
 
     low, high are nan where no interval was computed or none is defined.
     """
@@ -34,10 +34,10 @@ class Interval:
 
 @dataclass(frozen=True)
 class Measure:
-    """One value of a set of pictures.
+    """One value of a set of images.
 
-    of: from (n,) picture indices, with repeats, to the value; nan where undefined. n: how many
-    pictures it rests on.
+    of: from (n,) image indices, with repeats, to the value; nan where undefined. n: how many
+    images it rests on.
     """
 
     of: Callable[[Indices], float]
@@ -77,9 +77,9 @@ def wilson(successes: int, n: int) -> Interval:
 def bootstrap(
     measures: Mapping[str, Measure], places: Sequence[str], repeats: int = 2000, seed: int = 0
 ) -> dict[str, Interval]:
-    """The value of each measure on all pictures with the percentile interval over resampled places.
+    """The value of each measure on all images with the percentile interval over resampled places.
 
-    Resamples in which a value is undefined (no picture of its kind drawn) are left out of that
+    Resamples in which a value is undefined (no image of its kind drawn) are left out of that
     value's percentiles. `repeats` 0, or a single place, leaves the intervals nan.
     """
     resamples = _resamples(places, repeats, seed) if len(set(places)) > 1 else []
@@ -106,7 +106,7 @@ def paired_difference(
 ) -> dict[str, Interval]:
     """`second - first` with its interval, both computed on the same resampled places.
 
-    The two see the same pictures, so most of the scatter cancels: the interval is about the
+    The two see the same images, so most of the scatter cancels: the interval is about the
     difference, not about either value.
     """
 
@@ -146,7 +146,7 @@ def quantile(values: ArrayLike, q: float) -> Measure:
 
 
 def widened(found: Interval, share: bool = False) -> Interval:
-    """`found`, unless resampling could not vary it, as with a single picture: an interval of no
+    """`found`, unless resampling could not vary it, as with a single image: an interval of no
     width would claim certainty. A share of 0 or 1 then has Wilson's interval, other values none.
     """
     if found.low != found.high:  # nan is not equal to itself

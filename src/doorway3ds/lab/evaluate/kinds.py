@@ -1,7 +1,7 @@
-"""Answers to pictures without a doorway, by what they show instead.
+"""Answers to images without a doorway, by what they show instead.
 
-A picture shows a kind (closed door, window, mirror ...) whose classes cover 2 % of it or more, or
-that its data set names; it may show several. `goes` and `p_open` are the whole picture's: what is
+An image shows a kind (closed door, window, mirror ...) whose classes cover 2 % of it or more, or
+that its data set names; it may show several. `goes` and `p_open` are the whole image's: what is
 shown need not be what led to them. `on it` looks at the best candidate, listed from the lowest
 score on and whatever the gate says: of the classes under its columns, in the middle tenth of the
 rows, the kind's together are the most.
@@ -29,7 +29,7 @@ NONE = "none of these kinds"
 
 @dataclass(frozen=True)
 class KindScore:
-    """Shares of the pictures that show one kind. on_it: unknown (nan) without labels; for ANY,
+    """Shares of the images that show one kind. on_it: unknown (nan) without labels; for ANY,
     on any of the kinds.
     """
 
@@ -65,12 +65,12 @@ def candidate_deg(answer: Mapping[str, Any]) -> tuple[float, float] | None:
 def kind_under(labels: NDArray[np.uint8], frame: Frame, left_deg: float, right_deg: float) -> str:
     """The kind of NYU_KINDS that most of a candidate lies on; "" where it is another class.
 
-    labels: (H, W), of the frame's whole picture.
+    labels: (H, W), of the frame's whole image.
     """
     height, width = labels.shape
     scale = width / frame.camera.width
     edges = [(bearing_to_column(frame, b) + 0.5) * scale - 0.5 for b in (left_deg, right_deg)]
-    # What is narrower than a column, or ends beyond the picture, still lies on one.
+    # What is narrower than a column, or ends beyond the image, still lies on one.
     first = min(max(math.ceil(edges[0]), 0), width - 1)
     last = max(min(math.floor(edges[1]), width - 1), first)
     rows = slice(round(0.45 * height), max(round(0.55 * height), round(0.45 * height) + 1))
@@ -84,7 +84,7 @@ def kind_under(labels: NDArray[np.uint8], frame: Frame, left_deg: float, right_d
 def score(records: Sequence[DirectionRecord], repeats: int = 2000) -> dict[str, KindScore]:
     """By kind, ANY first and NONE last; intervals by resampling the places of all records.
 
-    Empty where no picture names a kind.
+    Empty where no image names a kind.
     """
     shown = [set(r.truth.kinds) if r.truth.is_open is False else set() for r in records]
     known = [k for k in NYU_KINDS if any(k in kinds for kinds in shown)]

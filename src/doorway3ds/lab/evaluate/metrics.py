@@ -45,7 +45,7 @@ class Calibration:
     """Reliability of probabilities in equal-width bins; empty bins are left out.
 
     probability, frequency: (B,) mean probability and share of positives of each bin.
-    count: (B,) pictures in it. ece: expected calibration error, the mean of
+    count: (B,) images in it. ece: expected calibration error, the mean of
     |probability - frequency| weighted by count (Guo et al. 2017, eq. 3, for a binary event).
     """
 

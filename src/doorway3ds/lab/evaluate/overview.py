@@ -1,6 +1,6 @@
 """What files of networks are worth on places that they were not trained on, set by set.
 
-A training with `--hold-out` lists the pictures that it kept to itself in `held-out.csv`; this
+A training with `--hold-out` lists the images that it kept to itself in `held-out.csv`; this
 measures any files on them, by one rule for all sets, and the differences to the first, paired.
 """
 
@@ -50,9 +50,9 @@ _OF_P_OPEN = ("auc", "closed_open", "open_open", "ece", "ece_chance")
 
 @dataclass(frozen=True)
 class HeldSet:
-    """Held-out pictures of one kind. rough: marks are boxes, which tell no bearing and no way.
+    """Held-out images of one kind. rough: marks are boxes, which tell no bearing and no way.
 
-    halves: 1 or 2 of each place. whole: False for pictures that are in another set already.
+    halves: 1 or 2 of each place. whole: False for images that are in another set already.
     """
 
     name: str
@@ -62,7 +62,7 @@ class HeldSet:
     whole: bool = True
 
     def half(self, which: int) -> HeldSet:
-        """The pictures of one half of the places."""
+        """The images of one half of the places."""
         own = tuple(s for s in self.samples if self.halves[s.place] == which)
         return replace(self, samples=own)
 
@@ -79,14 +79,14 @@ class Row:
 
 
 def source_of(dataset: Dataset) -> str:
-    """What training calls the pictures of a folder."""
+    """What training calls the images of a folder."""
     if dataset.layout in ("plain", "folders"):
         return dataset.path.resolve().name
     return "doors" if dataset.layout == "boxes" else dataset.layout
 
 
 def read_held(path: Path) -> dict[str, dict[str, tuple[str, int]]]:
-    """The pictures that a training kept to itself, by source: place, and half of the places."""
+    """The images that a training kept to itself, by source: place, and half of the places."""
     found: dict[str, dict[str, tuple[str, int]]] = {}
     for where, row in csv_rows(path, ("source", "image", "place", "half")):
         if row["half"] not in ("1", "2"):
@@ -98,7 +98,7 @@ def read_held(path: Path) -> dict[str, dict[str, tuple[str, int]]]:
 def held_sets(
     folders: Sequence[Path], held: Mapping[str, Mapping[str, tuple[str, int]]]
 ) -> list[HeldSet]:
-    """The held-out pictures of each folder; of rendered ones also those of a low camera.
+    """The held-out images of each folder; of rendered ones also those of a low camera.
 
     Raises UserError where a folder holds none.
     """
@@ -186,7 +186,7 @@ def compare(
     """A row for each network, and one for each further network's difference to the first.
 
     names: files or known names; {k} in one stands for the half of the places that it looks at.
-    sheets: folder for contact sheets of each network's worst pictures.
+    sheets: folder for contact sheets of each network's worst images.
     """
     rows: list[Row] = []
     first: list[DirectionRecord] = []

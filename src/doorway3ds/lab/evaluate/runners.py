@@ -39,7 +39,7 @@ Read = TypeVar("Read")
 Column = TypeVar("Column")
 Record = TypeVar("Record")
 DepthCase = tuple[Sample, NDArray[np.float32], DepthRecord]
-# `networks.Network`, or any function of a picture and its camera
+# `networks.Network`, or any function of an image and its camera
 Network = Callable[[NDArray[np.uint8], Camera], Perception]
 
 
@@ -49,10 +49,10 @@ Answer = Callable[[Frame, NDArray[np.float32] | None], Mapping[Label, Decision]]
 
 @dataclass
 class Runs(Generic[Column, Record]):
-    """Records of several columns of a table over the same pictures.
+    """Records of several columns of a table over the same images.
 
     answers: the JSON objects that go with the records of directions. worst: by network, the
-    pictures of lowest delta1 with their maps. left_out: why a picture is missing, by name.
+    images of lowest delta1 with their maps. left_out: why an image is missing, by name.
     """
 
     records: dict[Column, list[Record]] = field(default_factory=dict)
@@ -66,7 +66,7 @@ class Runs(Generic[Column, Record]):
             self.answers.setdefault(column, []).append(answer)
 
     def add(self, more: Runs[Column, Record]) -> None:
-        """Further pictures, or further columns, of the same data set."""
+        """Further images, or further columns, of the same data set."""
         for column, records in more.records.items():
             self.records.setdefault(column, []).extend(records)
         for column, answers in more.answers.items():
@@ -76,7 +76,7 @@ class Runs(Generic[Column, Record]):
         self.left_out |= more.left_out
 
     def some(self) -> Runs[Column, Record]:
-        """The same; UserError if no picture is left."""
+        """The same; UserError if no image is left."""
         if not self.records:
             why = next(iter(self.left_out.values()), "the selection holds none")
             raise UserError(f"no image is left to score: {why}")
@@ -91,10 +91,10 @@ def run_direction(
     answer: Answer,
     p_open_known: bool = True,
 ) -> DirectionRuns:
-    """Answers to every sample; a picture that cannot be read is left out, and named.
+    """Answers to every sample; an image that cannot be read is left out, and named.
 
     p_open_known False (the gate was held open) keeps p_open out of the score. Raises UserError
-    where no picture could be read.
+    where no image could be read.
     """
 
     def answers(sample: Sample, known: _Known) -> dict[Label, dict[str, Any]]:
@@ -139,7 +139,7 @@ def methods_on(
     """An `answer` for run_direction: several methods on one pass of one network.
 
     network None: nothing but true depth is known, and the gate is open. truth_depth: depth is
-    the true one; columns, floor and p_open stay the network's. open_gate: every picture counts
+    the true one; columns, floor and p_open stay the network's. open_gate: every image counts
     as holding a doorway (p_open 1), which shows the selection without the classifier. params,
     gates: limits; default: as `pipeline.Pipeline` has them.
     """
@@ -180,7 +180,7 @@ def methods_on(
 def match_answers(
     samples: Iterable[Sample], stored: Mapping[Label, Mapping[str, dict[str, Any]]]
 ) -> DirectionRuns:
-    """Records of stored answers, of the pictures that every column answers."""
+    """Records of stored answers, of the images that every column answers."""
     by_end = {label: by_name_end(answers) for label, answers in stored.items()}
 
     def read(sample: Sample) -> _Known:
@@ -216,7 +216,7 @@ def _direction_runs(
 def run_classifier(
     samples: Iterable[Sample], networks: Mapping[str, Network]
 ) -> Runs[str, ClassifierRecord]:
-    """Each network's records; half-open pictures are left out."""
+    """Each network's records; half-open images are left out."""
     runs: Runs[str, ClassifierRecord] = Runs()
 
     def read(sample: Sample) -> tuple[bool, Frame, tuple[str, ...]]:
@@ -249,7 +249,7 @@ def run_depth(
 ) -> Runs[Protocol, DepthRecord]:
     """Each network's records under each protocol that the samples allow.
 
-    worst: how many pictures of lowest delta1, whole and in one pass, are kept with their maps.
+    worst: how many images of lowest delta1, whole and in one pass, are kept with their maps.
     """
     runs: Runs[Protocol, DepthRecord] = Runs()
 

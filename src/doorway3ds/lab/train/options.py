@@ -1,4 +1,4 @@
-"""What a user may say of a training and of the pictures that it learns from."""
+"""What a user may say of a training and of the images that it learns from."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PRECISIONS = ("auto", "float32", "bfloat16")
 
 @dataclass(frozen=True)
 class GroupOptions(Options):
-    """Which pictures are never split between training and held out."""
+    """Which images are never split between training and held out."""
 
     panel: ClassVar[str] = "Images"
 
@@ -44,14 +44,14 @@ class GroupOptions(Options):
 
 @dataclass(frozen=True)
 class PairOptions(GroupOptions):
-    """The same of pictures with depth."""
+    """The same of images with depth."""
 
     limit: int | None = option(None, "Largest number of images.", low=2, high=MANY)
 
 
 @dataclass(frozen=True)
 class SiteOptions(GroupOptions):
-    """The same of pictures with and without an open doorway."""
+    """The same of images with and without an open doorway."""
 
     places: Path | None = option(None, "CSV with columns image, place.", metavar="FILE")
     half_open: str = option(
@@ -61,7 +61,7 @@ class SiteOptions(GroupOptions):
     )
 
     def read_places(self) -> dict[str, str] | None:
-        """The place of each picture by name; None unless a file says it."""
+        """The place of each image by name; None unless a file says it."""
         from doorway3ds.lab.datasets.readers import read_places
 
         return None if self.places is None else read_places(self.places)

@@ -23,7 +23,7 @@ ADOPTED_EPOCHS = 20
 
 @dataclass(frozen=True)
 class Row:
-    """One picture of Table 3 or 4; None is what the table leaves empty."""
+    """One image of Table 3 or 4; None is what the table leaves empty."""
 
     table: int
     number: int

@@ -161,7 +161,7 @@ def floor_verdict(rows: Sequence[printed.Row]) -> str:
 
 @dataclass(frozen=True)
 class Answer:
-    """The paper's method on one picture; is_open None: nobody said."""
+    """The paper's method on one image; is_open None: nobody said."""
 
     name: str
     is_open: bool | None
@@ -169,7 +169,7 @@ class Answer:
 
 
 def read_pictures(path: Path, fit: FitCamera) -> tuple[Sample, ...]:
-    """The 12 pictures of a folder: lying in it, or marked as `3ds eval` reads them.
+    """The 12 images of a folder: lying in it, or marked as `3ds eval` reads them.
 
     fit: the camera of those that bring none. Raises UserError for another number, and for marks
     that are neither open nor not.
@@ -198,7 +198,7 @@ def answer_pictures(
     decide: Callable[[Frame], Decision],
     seen: Seen = unseen,
 ) -> list[Answer]:
-    """The decision on each picture. Raises UserError where one cannot be read."""
+    """The decision on each image. Raises UserError where one cannot be read."""
     answers = []
     for done, sample in enumerate(samples):
         seen(done, len(samples))
@@ -208,7 +208,7 @@ def answer_pictures(
 
 
 def pictures_table(answers: Sequence[Answer]) -> Table:
-    """Each picture: truth, p_open, and what the other modules say where they are let run."""
+    """Each image: truth, p_open, and what the other modules say where they are let run."""
     rows = []
     for answer in answers:
         decision, said = answer.decision, answer.decision.to_dict()
@@ -245,7 +245,7 @@ def count(answers: Sequence[Answer]) -> Confusion | None:
 
 
 def confusion_table(here: Confusion | None) -> Table:
-    """Table 2, its swapped columns put right, beside the pictures pointed to."""
+    """Table 2, its swapped columns put right, beside the images pointed to."""
     both = [printed.TABLE_2, *([] if here is None else [here])]
     rows = [
         (name, about, [str(getattr(c, key)) for c in both])

@@ -23,7 +23,7 @@ from doorway3ds.lab.evaluate.report.html import Report, Table, cell
 from doorway3ds.lab.evaluate.runners import Protocol
 from doorway3ds.lab.evaluate.stored import Label
 
-WORST = 16  # pictures on a contact sheet
+WORST = 16  # images on a contact sheet
 UNITS = {"rmse": "m"}
 INTERVALS = (
     "In brackets: 95 % intervals by resampling places (cluster bootstrap, percentile)"
@@ -48,7 +48,7 @@ def direction_table(scored: Mapping[Label, DirectionMetrics]) -> Table:
 
 
 def difference_table(differences: Mapping[Label, Mapping[str, Interval]], first: Label) -> Table:
-    """Differences to the first column, paired by picture."""
+    """Differences to the first column, paired by image."""
     rows = [
         _row(m.title, f"{m.better} is better", [d[name] for d in differences.values()], m.unit)
         for name, m in METRICS.items()
@@ -63,7 +63,7 @@ def kind_tables(by_kind: Mapping[Label, Mapping[str, KindScore]]) -> list[Table]
         if not scored:
             continue
         labelled = any(math.isfinite(s.on_it.value) for s in scored.values())
-        columns = ["pictures", "places", "goes", f"p_open ≥ {Gates.open_from:g}"]
+        columns = ["images", "places", "false turns", f"p_open ≥ {Gates.open_from:g}"]
         rows = []
         for kind, s in scored.items():
             cells = [str(s.pictures), str(s.places), cell(s.goes, "share"), cell(s.p_open, "share")]
@@ -108,7 +108,7 @@ def add_direction_pictures(
     records: Mapping[Label, Sequence[DirectionRecord]],
     scored: Mapping[Label, DirectionMetrics],
 ) -> None:
-    """Plots, and each column's worst pictures."""
+    """Plots, and each column's worst images."""
     by_name = {str(label): r for label, r in records.items()}
     report.add_plot("bearing", "Bearing errors", plots.bearing_errors(by_name))
     report.add_plot("shares", "Shares", plots.shares({str(k): s for k, s in scored.items()}))
@@ -184,7 +184,7 @@ def classifier_table(scored: Mapping[str, ClassifierMetrics]) -> Table:
         ("fp", "not open, called open"),
         ("tn", "not open, called not open"),
     ):
-        rows.append((about, "pictures", [str(getattr(c.confusion, name)) for c in columns]))
+        rows.append((about, "images", [str(getattr(c.confusion, name)) for c in columns]))
     for kind in sorted({kind for c in columns for kind in c.false_open_by_kind}):
         values = [c.false_open_by_kind.get(kind, wilson(0, 0)) for c in columns]
         rows.append(_row(f"called open: {kind}, Wilson", "not open, showing it", values, "share"))
@@ -244,7 +244,7 @@ def add_depth_pictures(
     records: Mapping[Protocol, Sequence[DepthRecord]],
     worst: Mapping[str, Sequence[tuple[Sample, NDArray[np.float32], DepthRecord]]],
 ) -> None:
-    """worst: by network, the pictures to show with the map predicted for each."""
+    """worst: by network, the images to show with the map predicted for each."""
     report.add_plot(
         "delta1", "delta1 by image", plots.depth_spread({str(p): r for p, r in records.items()})
     )
@@ -273,7 +273,7 @@ def _depth_about(name: str) -> str:
 def _row(
     title: str, about: str, values: Sequence[Interval], unit: str
 ) -> tuple[str, str, list[str]]:
-    """A row with the pictures that its values rest on in the title."""
+    """A row with the images that its values rest on in the title."""
     low, high = min(v.n for v in values), max(v.n for v in values)
     counts = f"n = {low}" if low == high else f"n = {low} to {high}"
     return f"{title}, {counts}", about, [cell(v, unit) for v in values]

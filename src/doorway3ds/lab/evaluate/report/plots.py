@@ -19,13 +19,13 @@ GO_ROWS = ("within_5deg", "inside", "go_when_clear", "go_when_blocked", "go_with
 
 
 def bearing_errors(runs: Mapping[str, Sequence[DirectionRecord]]) -> bytes:
-    """Share of doorway pictures whose bearing error is at most so many degrees."""
+    """Share of doorway images whose bearing error is at most so many degrees."""
     with figure() as (axes, done):
         for name, records in runs.items():
             doorway = [judge(r) for r in records if r.truth.openings]
             if not doorway:
                 continue
-            # Pictures without a listed opening never arrive: the curve ends below 1.
+            # Images without a listed opening never arrive: the curve ends below 1.
             errors = np.sort([abs(o.error_deg) for o in doorway if o.matched is not None])
             share = np.arange(1, len(errors) + 1) / len(doorway)
             axes.step(np.append(0, errors), np.append(0, share), where="post", label=name)
@@ -71,7 +71,7 @@ def roc(runs: Mapping[str, Sequence[ClassifierRecord]]) -> bytes:
 
 
 def reliability(runs: Mapping[str, ClassifierMetrics]) -> bytes:
-    """Share really open against the probability given; the dot's area is the bin's pictures."""
+    """Share really open against the probability given; the dot's area is the bin's images."""
     with figure() as (axes, done):
         for name, scored in runs.items():
             c = scored.calibration
@@ -86,7 +86,7 @@ def reliability(runs: Mapping[str, ClassifierMetrics]) -> bytes:
 
 
 def depth_spread(runs: Mapping[str, Sequence[DepthRecord]]) -> bytes:
-    """Share of pictures whose delta1 is at most so much."""
+    """Share of images whose delta1 is at most so much."""
     with figure() as (axes, done):
         for name, records in runs.items():
             values = np.sort([r.errors.delta1 for r in records if r.errors.pixels])

@@ -1,4 +1,4 @@
-"""Contact sheets: pictures with truth and answer drawn in, one caption line each."""
+"""Contact sheets: images with truth and answer drawn in, one caption line each."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Tile:
-    """One picture of a sheet: (H, W, 3) uint8 RGB and what to write under it."""
+    """One image of a sheet: (H, W, 3) uint8 RGB and what to write under it."""
 
     image: Image
     caption: str
@@ -85,7 +85,7 @@ def direction_tile(sample: Sample, record: DirectionRecord, outcome: Outcome) ->
 
 
 def depth_tile(sample: Sample, predicted_m: NDArray[np.float32], caption: str) -> Tile:
-    """Picture, true depth, predicted depth and relative error side by side."""
+    """Image, true depth, predicted depth and relative error side by side."""
     truth = load_depth(sample)
     if truth is None:
         raise ValueError(f"{sample.name} has no true depth to draw")
@@ -95,7 +95,7 @@ def depth_tile(sample: Sample, predicted_m: NDArray[np.float32], caption: str) -
 def depth_panels(
     image: Image, truth: NDArray[np.float32], predicted_m: NDArray[np.float32], caption: str
 ) -> Tile:
-    """The same of a picture (H, W, 3) and maps in metres at sizes of their own, nan unknown."""
+    """The same of an image (H, W, 3) and maps in metres at sizes of their own, nan unknown."""
     predicted = resize_map(predicted_m, *truth.shape)
     limit = float(np.nanquantile(truth, 0.98))
     with np.errstate(invalid="ignore"):
@@ -110,7 +110,7 @@ def depth_panels(
 
 
 def picture_tile(sample: Sample | Image, caption: str) -> Tile:
-    """The picture alone, read or at hand."""
+    """The image alone, read or at hand."""
     image = load_frame(sample).image if isinstance(sample, Sample) else sample
     return Tile(image, caption)
 
@@ -128,7 +128,7 @@ def _framed(tile: Tile) -> Image:
 
 
 def _scaled(image: Image) -> tuple[Image, float]:
-    """The picture at a tile's width, a copy, and the scale."""
+    """The image at a tile's width, a copy, and the scale."""
     scale = TILE_WIDTH / image.shape[1]
     if scale == 1:
         return image.copy(), 1.0

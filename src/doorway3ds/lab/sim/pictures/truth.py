@@ -1,4 +1,4 @@
-"""What is really in a picture of a simulated home: openings, floor, free path, door states.
+"""What is really in an image of a simulated home: openings, floor, free path, door states.
 
 And the same as a network that makes no mistakes would report it.
 """
@@ -26,28 +26,28 @@ from doorway3ds.types import Perception
 Float = NDArray[np.float64]
 FLOOR_M = 0.012  # rugs and thresholds are floor
 # Less than this is a glimpse that nobody would call a seen doorway.
-LEAST_WIDTH = 0.025  # of the picture's width
-LEAST_AREA = 0.004  # of the picture
-LEAST_STEPS = 0.008  # of the picture
+LEAST_WIDTH = 0.025  # of the image's width
+LEAST_AREA = 0.004  # of the image
+LEAST_STEPS = 0.008  # of the image
 STANDING_STATES = ("wardrobe", "closet", "person", "pet")
-LEAST_OBSTACLE = 0.001  # of the picture
-SEEN_ENOUGH = 0.25  # of what the picture shows of the opening, column by column
+LEAST_OBSTACLE = 0.001  # of the image
+SEEN_ENOUGH = 0.25  # of what the image shows of the opening, column by column
 WIDTH_M, HEIGHT_M = 0.28, 1.3  # what must pass: NAO's width, and what is in its way
 
 
 @dataclass(frozen=True)
 class OpeningTruth:
-    """One open doorway as the picture shows it; see docs/sim.md for the exact meaning.
+    """One open doorway as the image shows it; see docs/sim.md for the exact meaning.
 
-    left_px, right_px: at mid-height, by what is seen through it, cut at the picture's edge.
+    left_px, right_px: at mid-height, by what is seen through it, cut at the image's edge.
     bearing_deg, range_m: where the ray through the middle column meets the threshold, from the
         turning axis.
     jambs_deg: (left, right) bearings of the whole free opening from the lens.
     way: what lies between the turning axis and the sill, by the plan.
-    clear: the same as far as the picture shows it; None for a grazing way too.
-    obstacle: share of the picture that shows what stands in the way.
+    clear: the same as far as the image shows it; None for a grazing way too.
+    obstacle: share of the image that shows what stands in the way.
     beyond: threshold, step or stairs at or close behind the sill; they do not block.
-    seen: share of the opening within the picture that is not hidden.
+    seen: share of the opening within the image that is not hidden.
     """
 
     portal: int
@@ -73,7 +73,7 @@ class OpeningTruth:
 class Truth:
     """openings: seen and open, biggest first. glimpse: one is seen, but too little to count.
 
-    states: what doors, windows and mirrors of the room the picture shows, nearest first.
+    states: what doors, windows and mirrors of the room the image shows, nearest first.
     """
 
     openings: tuple[OpeningTruth, ...]
@@ -119,7 +119,7 @@ def _runs(mask: NDArray[np.bool_], gap: int) -> list[tuple[int, int]]:
 
 
 class _View:
-    """Rays and points of one picture in the plan."""
+    """Rays and points of one image in the plan."""
 
     def __init__(self, camera: Camera, eye: Eye, depth: NDArray[np.float32]) -> None:
         self.camera, self.eye = camera, eye
@@ -286,7 +286,7 @@ def _on_wall(portal: Portal, view: _View, azimuth: float) -> Float | None:
 
 
 def _on_the_way(view: _View, target: Float, portal: Portal) -> tuple[float, float]:
-    """Shares of the picture that show floor, and obstacles or drops, on the way to the sill."""
+    """Shares of the image that show floor, and obstacles or drops, on the way to the sill."""
     start = np.array([view.eye.x, view.eye.y])
     run = target - start
     length = float(np.hypot(*run))
@@ -332,7 +332,7 @@ def _states(furnished: Furnished, view: _View, room: int) -> tuple[str, ...]:
 
 
 def truth_of(plan: Plan, camera: Camera, eye: Eye, depth: NDArray[np.float32]) -> Truth:
-    """Truth of one picture from its plan and its exact depth (H, W), nan for the sky."""
+    """Truth of one image from its plan and its exact depth (H, W), nan for the sky."""
     furnished = plan.furnished
     view = _View(camera, eye, depth)
     floor = (np.abs(view.points[..., 2]) < FLOOR_M) & ~np.isnan(depth)

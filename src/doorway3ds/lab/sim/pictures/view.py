@@ -1,4 +1,4 @@
-"""One picture of one home from a stated place: examples, tests, a look around."""
+"""One image of one home from a stated place: examples, tests, a look around."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from doorway3ds.lab.sim.render.scene import build
 
 
 def photograph(home: int, camera: Camera, eye: Eye, noise: int | None = 0) -> Shot:
-    """The picture and truth of a home's seed; noise: seed of the sensor's errors, None = ideal."""
+    """The image and truth of a home's seed; noise: seed of the sensor's errors, None = ideal."""
     size = (camera.width, camera.height)
     context = open_context()
     try:
@@ -45,8 +45,8 @@ def photograph(home: int, camera: Camera, eye: Eye, noise: int | None = 0) -> Sh
 
 
 def save(shot: Shot, home: int, path: Path) -> list[Path]:
-    """Picture at `path`; NAME.json, NAME.depth.png (mm) and NAME.floor.png in truth/ beside it,
-    where `3ds look` of the folder does not take them for pictures."""
+    """Image at `path`; NAME.json, NAME.depth.png (mm) and NAME.floor.png in truth/ beside it,
+    where `3ds look` of the folder does not take them for images."""
     folder = path.parent / "truth"
     folder.mkdir(parents=True, exist_ok=True)
     truth, depth, floor = (
@@ -61,7 +61,7 @@ GREEN, RED, YELLOW = (60, 220, 60), (240, 60, 60), (240, 210, 40)
 
 
 def marked(picture: NDArray[np.uint8], truth: dict[str, Any]) -> Tile:
-    """RGB picture with its openings: green = way free, red = blocked, yellow = cannot tell."""
+    """RGB image with its openings: green = way free, red = blocked, yellow = cannot tell."""
     out = picture.copy()
     row = picture.shape[0] // 2
     for o in truth["openings"]:
@@ -75,7 +75,7 @@ def marked(picture: NDArray[np.uint8], truth: dict[str, Any]) -> Tile:
 
 
 def write_contact_sheet(folder: Path, count: int = 48, columns: int = 6) -> Path:
-    """contact.jpg with pictures spread evenly over the data set."""
+    """contact.jpg with images spread evenly over the data set."""
     truths = [json.loads(line) for line in (folder / "truth.jsonl").read_text().splitlines()]
     step = max(1, len(truths) // count)
     tiles = [

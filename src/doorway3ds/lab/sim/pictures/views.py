@@ -1,4 +1,4 @@
-"""Where pictures are taken from: cameras, stands and what they look at."""
+"""Where images are taken from: cameras, stands and what they look at."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures and depth of a scene through any pinhole camera, by MuJoCo's OpenGL renderer."""
+"""Images and depth of a scene through any pinhole camera, by MuJoCo's OpenGL renderer."""
 
 from __future__ import annotations
 

@@ -261,7 +261,7 @@ def build(
     size: tuple[int, int] = (1024, 768),
     furnished: Furnished | None = None,
 ) -> Scene:
-    """Compile a home; `ppm` is texture pixels a metre, `size` the largest picture (w, h).
+    """Compile a home; `ppm` is texture pixels a metre, `size` the largest image (w, h).
 
     furnished: what stands in it; by default what the home's seed gives.
     """

@@ -35,7 +35,7 @@ def pinhole_for(camera: Camera, limit: tuple[int, int] = (1024, 768)) -> Camera:
 def distort(
     camera: Camera, pinhole: Camera, rgb: NDArray[np.uint8], depth: NDArray[np.float32]
 ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """What `camera` sees, from a pinhole's picture and depth.
+    """What `camera` sees, from a pinhole's image and depth.
 
     Depth is interpolated in 1 / depth (exact on planes), and taken from the nearest pixel where
     neighbours belong to different things.

@@ -44,7 +44,7 @@ class Studio(Closing):
     """Draws homes, one at a time. OpenGL belongs to one thread, which is here; calls may come from
     any other.
 
-    size: of the largest picture. plain: coarse textures and no shadows, where only depth counts.
+    size: of the largest image. plain: coarse textures and no shadows, where only depth counts.
     The last views of a home are kept: a robot that stands still sees the same again, and drawing
     is most of an episode's work.
     """
@@ -63,7 +63,7 @@ class Studio(Closing):
             raise
 
     def shot(self, home: Home, camera: Camera, eye: Eye, rng: np.random.Generator | None) -> Shot:
-        """The picture and truth; rng: of the sensor's errors, None = an ideal one."""
+        """The image and truth; rng: of the sensor's errors, None = an ideal one."""
 
         def draw() -> Shot:
             renderer, plan = self._enter(home)
@@ -242,7 +242,7 @@ class SimRobot(Robot):
 
 
 def stage_of(studio: Studio, scene: str, seed: int, model: str = "nao") -> Stage:
-    """The stage of a scene's seed, verified by pictures of this studio."""
+    """The stage of a scene's seed, verified by images of this studio."""
     body = Body(model=MODELS[model])
 
     def pose(yaw: float, pitch: float) -> Pose:

@@ -1,7 +1,7 @@
 """Scenes for a robot: a home, a place to stand, and how a run there should end.
 
 A scene is found by trying homes, doorways and stands in the order of its seed until the plan and
-one exact picture agree that it is one.
+one exact image agree that it is one.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from doorway3ds.lab.sim.render.renderer import Eye
 Rng = np.random.Generator
 Point = NDArray[np.float64]
 Truths = Callable[[Home, Eye], Truth]
-"""The exact truth of the picture that a robot takes from a place in a home."""
+"""The exact truth of the image that a robot takes from a place in a home."""
 
 SCENES = {
     "doorway": "an open doorway in view, the way free",
@@ -67,7 +67,7 @@ ALIGNED = ("aligned",)
 
 LOW_M = 0.4
 PET_SHARE = 0.3
-PLAIN_OBSTACLE = 0.005  # of the picture: what a person would not overlook
+PLAIN_OBSTACLE = 0.005  # of the image: what a person would not overlook
 TRIES = 2000
 
 
@@ -320,7 +320,7 @@ def _another(home: Home, room: Room, portal: Portal, at: Point, heading: float, 
 
 
 def _is(scene: str, truth: Truth) -> bool:
-    """Whether one exact picture shows the scene."""
+    """Whether one exact image shows the scene."""
     seen = truth.openings
     if ENDS.get(scene, ())[:1] == ("no_door",):
         shown = set(truth.states[:2]) & STATES.get(scene, set()) or scene == "no_door"

@@ -43,10 +43,10 @@ COLOURS = 56
 class Episode:
     """One run. off_deg: from the nearest open doorway of the room at the end, None without one.
 
-    wrong_turns: turns towards a doorway that led away from every one in the picture.
+    wrong_turns: turns towards a doorway that led away from every one in the image.
     without_door, when_blocked: it turned towards something, or said it faced it, where it
     should not have.
-    clear: whether the way to that doorway is free in the last picture, by its truth.
+    clear: whether the way to that doorway is free in the last image, by its truth.
     took_s: simulated time.
     """
 
@@ -189,7 +189,7 @@ def _bearings(stage: Stage, x: float, y: float) -> list[float]:
 
 
 def _off(studio: Studio, world: World) -> tuple[float | None, bool | None]:
-    """How far from facing the nearest doorway, by the exact picture, else by the plan."""
+    """How far from facing the nearest doorway, by the exact image, else by the plan."""
     eye = world.eye()
     # The head may look aside; what the robot faces is judged straight ahead.
     ahead = replace(eye, pose=replace(eye.pose, yaw_deg=0.0, pitch_deg=0.0))
@@ -229,7 +229,7 @@ def film_scene(scene: str, seed: int, network: str | None, path: Path) -> Path:
                     frames.append(picture(camera, between))
                     times.append(STEP_MS)
             before.append(eye)
-            if loaded is None:  # true perception decides without a picture
+            if loaded is None:  # true perception decides without an image
                 shown = replace(decision.frame, image=picture(camera, eye))
                 decision = replace(decision, frame=shown)
             frames.append(overlay(decision))

@@ -41,7 +41,7 @@ _studio: Any = None
 
 
 def _start_worker() -> None:
-    # One thread each: the workers share the cores, not a picture.
+    # One thread each: the workers share the cores, not an image.
     os.environ.setdefault("LP_NUM_THREADS", "1")
     os.environ.setdefault("OMP_NUM_THREADS", "1")
 

@@ -26,7 +26,7 @@ _CLIP_NORM = 2.0
 LANDSCAPE, PORTRAIT, WIDE = (192, 256), (256, 192), (160, 288)
 
 Encode = Callable[[Any], list[Any]] | None
-"""(B, 3, h, w) to features; None: the network takes the picture itself."""
+"""(B, 3, h, w) to features; None: the network takes the image itself."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class FitConfig:
     encoder_rate: learning rate of the encoder as a share of the rest's; its batch norm is
     folded, and at the full rate it forgets what it has learnt of scenes.
     patience: epochs without a better held-out loss after which a stage ends; 0: never.
-    validate: at most about so many held-out pictures are looked at after each epoch; 0: all.
+    validate: at most about so many held-out images are looked at after each epoch; 0: all.
     """
 
     stages: tuple[Stage, ...]
@@ -58,7 +58,7 @@ class FitConfig:
     weight_decay: float = 1e-3
     shares: Mapping[str, float] | None = None  # share of each source in a batch
     portrait_shares: Mapping[str, float] | None = None  # in portrait batches; None = the same
-    open_share: float = 0.45  # share of pictures with an opening, within each source
+    open_share: float = 0.45  # share of images with an opening, within each source
     ema: float = 0.99
     encoder_rate: float = 1.0
     seed: int = 1
@@ -78,12 +78,12 @@ def collate(targets: Sequence[Target]) -> tuple[np.ndarray, dict[str, np.ndarray
 
 
 def plain_shape(sample: Sample) -> tuple[int, int]:
-    """(h, w) of the plain view that a picture is judged by."""
+    """(h, w) of the plain view that an image is judged by."""
     return PORTRAIT if sample.image.shape[0] > sample.image.shape[1] else LANDSCAPE
 
 
 class Sampler:
-    """Draws batches: sources by share, open and not open pictures by share, one shape each."""
+    """Draws batches: sources by share, open and not open images by share, one shape each."""
 
     def __init__(self, samples: Sequence[Sample], config: FitConfig, augment: AugmentConfig):
         if not samples:
@@ -131,7 +131,7 @@ class Sampler:
 class Drawn:
     """What a stage learns from: the batches from number `first` on, `steps` an epoch.
 
-    Pictures are numbered through all batches. Each process of a team draws the whole batch, so
+    Images are numbered through all batches. Each process of a team draws the whole batch, so
     that all together see what one alone would, and takes its share.
     """
 
@@ -141,7 +141,7 @@ class Drawn:
         self.names = _Names(sampler, batch)
 
     def batches(self, epoch: int | None) -> list[list[int]]:
-        """Numbers of the pictures in each batch of an epoch of this stage."""
+        """Numbers of the images in each batch of an epoch of this stage."""
         start = self._first + (epoch or 0) * self._steps
         size = self._batch
         return [list(range(n * size, (n + 1) * size)) for n in range(start, start + self._steps)]
@@ -153,7 +153,7 @@ class Drawn:
 
 
 class _Names(Sequence[str]):
-    """Names of drawn pictures, found by drawing them again."""
+    """Names of drawn images, found by drawing them again."""
 
     def __init__(self, sampler: Sampler, batch: int) -> None:
         self._sampler, self._batch = sampler, batch
@@ -166,7 +166,7 @@ class _Names(Sequence[str]):
 
 
 class Held:
-    """Plain views of held-out pictures, in batches of one shape."""
+    """Plain views of held-out images, in batches of one shape."""
 
     def __init__(self, samples: Sequence[Sample], batch: int, encode: Encode) -> None:
         self.names = [sample.name for sample in samples]
@@ -202,7 +202,7 @@ def fit(
     The averaged weights are in the model, and in run.out/stage-N.weights.h5, after each stage;
     run.out/stage-N.npz and .csv hold its checkpoint and losses after each epoch.
 
-    held: pictures of other places, whose losses are told and decide with `config.patience`.
+    held: images of other places, whose losses are told and decide with `config.patience`.
     identity: what else must be the same to resume.
     """
     import keras

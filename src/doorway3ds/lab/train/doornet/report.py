@@ -20,11 +20,11 @@ from doorway3ds.lab.train.doornet.model import CANONICAL_F_PX
 _SHOWN = 8  # depth maps, the worst first
 
 Answer = Mapping[str, Any]
-"""The file's outputs for a picture, with "sample" and "target" of its plain view."""
+"""The file's outputs for an image, with "sample" and "target" of its plain view."""
 
 
 def add_answers(report: Report, answers: Sequence[Answer], about: str) -> None:
-    """Tables and pictures of p_open and depth; about: which pictures the answers are of."""
+    """Tables and plots of p_open and depth; about: which images the answers are of."""
     if answers:
         report.notes.append(about)
     _add_p_open(report, answers)
@@ -42,7 +42,7 @@ def metres(answer: Answer) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
 
 
 def _add_p_open(report: Report, answers: Sequence[Answer]) -> None:
-    """Scores, ROC, calibration and worst mistakes, a column for each source of pictures."""
+    """Scores, ROC, calibration and worst mistakes, a column for each source of images."""
     records: dict[str, list[ClassifierRecord]] = {}
     images: dict[str, NDArray[np.uint8]] = {}
     for answer in answers:
@@ -63,7 +63,7 @@ def _add_p_open(report: Report, answers: Sequence[Answer]) -> None:
 
 
 def _add_depth(report: Report, answers: Sequence[Answer]) -> None:
-    """Scores and the worst maps, of pictures whose depth was measured."""
+    """Scores and the worst maps, of images whose depth was measured."""
     records: dict[Protocol, list[DepthRecord]] = {}
     cases: dict[str, list[tuple[float, sheets.Tile]]] = {}
     for answer in answers:

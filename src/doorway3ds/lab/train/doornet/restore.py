@@ -1,13 +1,13 @@
 """A doornet that can be trained further, from its ONNX file alone.
 
 The file holds the weights but neither Keras' names nor its order. Both graphs are therefore
-walked along the way of the data, from the same outputs back to the picture: the order in which
+walked along the way of the data, from the same outputs back to the image: the order in which
 weights are met then depends on the network only, and each is checked for its kind and shape.
 What the restored network gives is compared with what the file gives, so that nothing but
 rounding may differ.
 
 Batch norm comes back as the mean, factor and offset that it amounts to in use: right for a
-network that keeps them, which one that learns from few pictures does anyway. The head
+network that keeps them, which one that learns from few images does anyway. The head
 of `segments` serves training alone, is not in the file, and comes back untrained.
 """
 
@@ -94,7 +94,7 @@ def restore(path: Path) -> Restored:
 
 
 class _Walk:
-    """An ONNX graph, walked from its outputs back to the picture."""
+    """An ONNX graph, walked from its outputs back to the image."""
 
     def __init__(self, graph: Any) -> None:
         from onnx import numpy_helper

@@ -135,7 +135,7 @@ def predict(network: Path, samples: Sequence[Sample]) -> list[dict[str, Any]]:
 
 
 def calibrate(answers: Sequence[dict[str, Any]]) -> tuple[Calibration, dict[str, Any]]:
-    """Scales and shifts of the logits, and the depth's error, on held-out pictures.
+    """Scales and shifts of the logits, and the depth's error, on held-out images.
 
     Every source counts alike for p_open. answers: of a file without calibration (`predict`).
     """
@@ -311,7 +311,7 @@ def halves_of(held: Sequence[Sample]) -> dict[tuple[str, str], int]:
 
 
 def write_held(path: Path, held: Sequence[Sample], halves: Mapping[tuple[str, str], int]) -> None:
-    """Which pictures training has not seen, for `3ds eval overview`."""
+    """Which images training has not seen, for `3ds eval overview`."""
     columns = ("source", "image", "place", "half")
     values = ((s.source, s.name, s.place, halves[s.source, s.place]) for s in held)
     rows = (dict(zip(columns, own, strict=True)) for own in values)

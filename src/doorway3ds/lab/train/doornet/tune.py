@@ -1,8 +1,8 @@
-"""Operating points of the `opening` method for one network, chosen on held-out pictures.
+"""Operating points of the `opening` method for one network, chosen on held-out images.
 
 Three are chosen by bounds on the two ways to go wrong, going where there is no doorway and going
 when the way is blocked: as many goes on clear ways as they leave, over all sets together. What is
-chosen here must not be reported on the same pictures: a training's half-1.onnx and half-2.onnx,
+chosen here must not be reported on the same images: a training's half-1.onnx and half-2.onnx,
 each for one half of the held-out places, take limits chosen on the other half.
 """
 
@@ -40,7 +40,7 @@ MIN_SCORE = 0.02  # candidates are listed from here on; whether to go is told by
 
 # Of `ClearanceParams`: the vote below which a way is blocked where the depth sees nothing in it,
 # from bold to careful. One ladder, as blocked ways are few: limits that are free to vary one by one
-# fit these pictures and no others.
+# fit these images and no others.
 LADDER = (0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9)
 SURE_SCORE = 0.15
 RATES = ("go_without_door", "go_when_blocked", "go_when_clear")
@@ -79,15 +79,15 @@ GOALS = {
 
 @dataclass
 class Tuning:
-    """Perceptions of held-out pictures, kept so that limits can be tried in milliseconds."""
+    """Perceptions of held-out images, kept so that limits can be tried in milliseconds."""
 
     seen: list[tuple[Frame, Perception, PictureTruth]] = field(default_factory=list)
-    # by limits and picture: once the gate is open, the answer does not depend on it
+    # by limits and image: once the gate is open, the answer does not depend on it
     _opened: dict[str, dict[int, DirectionRecord]] = field(default_factory=dict)
 
     @classmethod
     def look(cls, network: Network, parts: Sequence[HeldSet]) -> Tuning:
-        """Runs the network once on every picture of these sets."""
+        """Runs the network once on every image of these sets."""
         tuning = cls()
         for sample in (sample for part in parts for sample in part.samples):
             frame = load_frame(sample)
@@ -96,7 +96,7 @@ class Tuning:
         return tuning
 
     def bearing_error_deg(self, point: Mapping[str, Any]) -> float | None:
-        """68th percentile of how far off the bearings are that are told at this point, on pictures
+        """68th percentile of how far off the bearings are that are told at this point, on images
         of known cameras; None without any."""
         told = [
             abs(direction.judge(record).error_deg)
@@ -160,7 +160,7 @@ def tune(
 def tune_run(
     folder: Path, datasets: Sequence[Path], tell: Callable[[str], None]
 ) -> dict[str, dict[str, Any]]:
-    """Presets of folder/doornet.onnx by its held-out pictures, written into it and its card.
+    """Presets of folder/doornet.onnx by its held-out images, written into it and its card.
 
     Raises UserError if the training kept no places to itself.
     """
@@ -187,7 +187,7 @@ def tune_run(
 def _choose(
     network_file: Path, parts: Sequence[HeldSet], tell: Callable[[str], None]
 ) -> dict[str, Any]:
-    """Presets chosen on these pictures, written into the file: its new metadata."""
+    """Presets chosen on these images, written into the file: its new metadata."""
     tuning = Tuning.look(DoorNet(network_file), parts)
     presets = {}
     for name, goal in GOALS.items():

@@ -16,7 +16,7 @@ from typing import Any
 
 from doorway3ds.errors import UserError
 
-_PATIENCE = timedelta(days=1)  # features of many pictures take long; the others wait for them
+_PATIENCE = timedelta(days=1)  # features of many images take long; the others wait for them
 _FAREWELL_S = 60.0  # the leader's files are written by then: it waits no longer for the others
 _LOOK_S = 0.1
 

@@ -21,7 +21,7 @@ def platt(
     """(scale, ..., shift) such that sigmoid(scale * logit + ... + shift) is a probability.
 
     logits: (N,) or (N, K) for K logits that speak of the same thing; labels: (N,), 0 or 1.
-    weights: (N,), of each picture, default 1; only their ratios count.
+    weights: (N,), of each image, default 1; only their ratios count.
     The mean of the logits where there are fewer than ten of either label. A scale below zero
     is no calibration: that logit is left out.
     """
@@ -52,9 +52,9 @@ def platt(
 
 
 def best_strips(pairs: Iterable[tuple[Array, Array]]) -> tuple[Array, Array]:
-    """Each picture's highest score, and 1 if an opening is in that strip, else 0.
+    """Each image's highest score, and 1 if an opening is in that strip, else 0.
 
-    pairs: (N,) logits of a picture's strips with the share of each that is inside an opening.
+    pairs: (N,) logits of an image's strips with the share of each that is inside an opening.
     """
     found = []
     for score, truth in pairs:

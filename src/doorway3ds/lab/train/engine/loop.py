@@ -1,7 +1,7 @@
 """The training loop of all networks: epochs, checkpoints, early stopping, Ctrl-C.
 
 A training that is stopped and resumed ends with the weights of one that was not: the order of
-pictures, their augmentation and dropout follow from seed, epoch and step alone.
+images, their augmentation and dropout follow from seed, epoch and step alone.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Losses = Callable[[Any, Any], Mapping[str, Any]]
 
 
 class Data(Protocol):
-    """What is learned from: numbered pictures with their targets.
+    """What is learned from: numbered images with their targets.
 
     load gives inputs and targets: arrays, lists or dicts of arrays, of equal first axis. It runs
     in a thread. epoch: what augmentation may depend on, with the index; None means none.
@@ -45,7 +45,7 @@ class Data(Protocol):
 
 @runtime_checkable
 class Planned(Data, Protocol):
-    """Data that say themselves which pictures make up the batches of an epoch.
+    """Data that say themselves which images make up the batches of an epoch.
 
     Others are taken in an order drawn from seed and epoch, or with epoch None as they come.
     """
@@ -257,7 +257,7 @@ class Loop:
         return {name: float(value.detach()) for name, value in found.items()}
 
     def validate(self) -> Row:
-        """Means of all losses over the held-out pictures, without augmentation."""
+        """Means of all losses over the held-out images, without augmentation."""
         import torch
 
         sums: Row = {}

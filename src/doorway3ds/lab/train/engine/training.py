@@ -109,7 +109,7 @@ class Training(ABC):
 
     @abstractmethod
     def page(self, card: Mapping[str, Any]) -> Report:
-        """The report, with tables and pictures of the held-out scores."""
+        """The report, with tables and plots of the held-out scores."""
 
     def train(self) -> dict[str, Any]:
         """Trains and writes NAME.onnx and its card; returns what the card says.

@@ -36,7 +36,7 @@ def export(
 ) -> float:
     """Writes `finish(model(image))`, a tensor or a tuple of them, as `outputs` of input "image".
 
-    shapes: (channels, height, width) of the float32 inputs that are compared, one picture each;
+    shapes: (channels, height, width) of the float32 inputs that are compared, one image each;
     the first is traced. axes: sizes left open, by input or output name. scale: the largest input
     value. half: weights are stored as 16-bit floats and widened when the file is loaded;
     arithmetic stays 32-bit.
@@ -86,7 +86,7 @@ def trace(
     import torch
 
     with torch.no_grad(), _plain_layers(), warnings.catch_warnings():
-        # of sizes that tracing fixes: they are the layers' own or the picture's only one
+        # of sizes that tracing fixes: they are the layers' own or the image's only one
         warnings.simplefilter("ignore")
         torch.onnx.export(
             module,
@@ -132,7 +132,7 @@ def _plain_layers() -> Iterator[None]:
 
 
 def parity(wrapped: Any, path: Path, shapes: Sequence[Shape], scale: float, device: Any) -> float:
-    """Largest relative difference over a smooth and a noisy picture of each shape."""
+    """Largest relative difference over a smooth and a noisy image of each shape."""
     import onnxruntime
     import torch
 

@@ -31,7 +31,7 @@ HIDDEN = 1024
 FEATURES = 512
 MEAN_BGR = (103.939, 116.779, 123.68)  # of ImageNet, as Keras' VGG16 preprocessing takes it away
 TOP_BLOCK = "block5"
-_STORE_EVERY = 256  # pictures between two writes of the feature cache
+_STORE_EVERY = 256  # images between two writes of the feature cache
 
 
 def build_base(weights: str | Path, side: int = SIDE) -> Any:
@@ -63,7 +63,7 @@ def build_head(features: int = FEATURES) -> Any:
 
 
 def join(base: Any, head: Any) -> Any:
-    """The whole network, sharing the layers of both: pictures to logits."""
+    """The whole network, sharing the layers of both: images to logits."""
     keras = start()
     return keras.Model(base.input, head(base.output), name="cnn_srin")
 
@@ -136,7 +136,7 @@ def losses(output: Any, target: Any) -> dict[str, Any]:
 
 
 def picture(sample: Sample, side: int = SIDE) -> NDArray[np.float32]:
-    """(3, side, side) RGB 0..255: the whole picture squeezed into the square, as at run time."""
+    """(3, side, side) RGB 0..255: the whole image squeezed into the square, as at run time."""
     return np.asarray(squeeze(load_frame(sample).image, side, side, channels_last=False)[0])
 
 
@@ -155,7 +155,7 @@ def augmented(image: NDArray[np.float32], rng: np.random.Generator) -> NDArray[n
 
 @dataclass(frozen=True)
 class Wanted:
-    """One row of features: a picture as it is (copy 0) or an augmented copy of it."""
+    """One row of features: an image as it is (copy 0) or an augmented copy of it."""
 
     sample: Sample
     digest: str
@@ -163,7 +163,7 @@ class Wanted:
 
 
 class FeatureCache:
-    """Features of the frozen part, computed once per picture, copy, seed and weights."""
+    """Features of the frozen part, computed once per image, copy, seed and weights."""
 
     def __init__(self, path: Path, base: Any, seed: int) -> None:
         self.path, self.base, self.seed = path, base, seed
@@ -183,7 +183,7 @@ class FeatureCache:
         batch: int = 16,
         seen: Seen = unseen,
     ) -> NDArray[np.float32]:
-        """(N, 512); what is new is stored every few hundred pictures and at the end."""
+        """(N, 512); what is new is stored every few hundred images and at the end."""
         missing = list({self._key(w): w for w in wanted if self._key(w) not in self._rows}.values())
         try:
             unsaved = 0

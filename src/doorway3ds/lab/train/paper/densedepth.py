@@ -30,7 +30,7 @@ _WINDOW, _SIGMA, _K1, _K2 = 11, 1.5, 0.01, 0.03  # Wang et al. 2004, as tf.image
 class Setting:
     """What depends on the data: input size, and limits of depth in metres.
 
-    plausible_m: where the median depth of the pictures must lie.
+    plausible_m: where the median depth of the images must lie.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Pictures with depth: the layouts that DenseDepth is trained from, read and checked."""
+"""Images with depth: the layouts that DenseDepth is trained from, read and checked."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from doorway3ds.lab.datasets.samples import Sample, load_depth, load_frame
 from doorway3ds.lab.train.paper.densedepth import Setting
 
 INDEX_TRAIN, INDEX_TEST = "nyu2_train.csv", "nyu2_test.csv"
-_UNIT_8_BIT = 10 / 255  # metres per count of the index' training pictures
-_UNIT_16_BIT = 0.001  # of its test pictures
-_ASPECT = 0.02  # relative difference of picture's and depth's aspect that is stretched away
+_UNIT_8_BIT = 10 / 255  # metres per count of the index' training images
+_UNIT_16_BIT = 0.001  # of its test images
+_ASPECT = 0.02  # relative difference of image's and depth's aspect that is stretched away
 
 
 @dataclass(frozen=True)
 class DepthPairs(Pictures):
-    """Pictures with depth.
+    """Images with depth.
 
     held: names that the data set itself sets aside for testing; empty where it says nothing.
     """
@@ -104,7 +104,7 @@ def target(sample: Sample, setting: Setting) -> NDArray[np.float32]:
 
 
 def _checked(sample: Sample) -> tuple[NDArray[np.bool_], float]:
-    """The picture's hash and its median depth; UserError where the pair is of no use."""
+    """The image's hash and its median depth; UserError where the pair is of no use."""
     if sample.depth_path is None or not sample.depth_path.is_file():
         raise UserError("has no depth file")
     image = load_frame(sample).image
@@ -160,7 +160,7 @@ def _required(unit_m: float | None, path: Path) -> float:
 
 
 def _indexed(index: Path, root: Path, unit_m: float) -> list[Sample]:
-    """Lines "picture,depth" of DenseDepth's index; a picture's folder is its place."""
+    """Lines "image,depth" of DenseDepth's index; an image's folder is its place."""
     samples = []
     for number, line in enumerate(read_text(index).splitlines(), 1):
         if not line.strip():
@@ -184,7 +184,7 @@ def _indexed(index: Path, root: Path, unit_m: float) -> list[Sample]:
 
 
 def _matched(path: Path, unit_m: float) -> list[Sample]:
-    """Pictures of any folder whose depth has the same stem, or NAME_depth, or none."""
+    """Images of any folder whose depth has the same stem, or NAME_depth, or none."""
     images = next((path / n for n in ("images", "rgb", "image") if (path / n).is_dir()), path)
     files = images_in(images, recursive=True)
     beside = images == path

@@ -1,4 +1,4 @@
-"""One training of DenseDepth on pictures with depth."""
+"""One training of DenseDepth on images with depth."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from doorway3ds.lab.train.paper.densedepth import SETTINGS, Setting
 from doorway3ds.lab.train.paper.depthpairs import DepthPairs, target
 from doorway3ds.networks.adapter import squeeze
 
-# As the published code: half of the pictures mirrored, half with the channels in another order.
+# As the published code: half of the images mirrored, half with the channels in another order.
 MIRRORED, RECOLOURED = 0.5, 0.5
 _ORDERS = ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0))
 HALF_DECODER = 832  # filters of the decoder's first convolution, the published code's default
@@ -38,7 +38,7 @@ _HELD_OUT = Protocol("held out", "whole", False)
 
 
 def picture(sample: Sample, setting: Setting) -> NDArray[np.float32]:
-    """(3, h, w) RGB 0..1: the whole picture squeezed into the input, as at run time."""
+    """(3, h, w) RGB 0..1: the whole image squeezed into the input, as at run time."""
     image = load_frame(sample).image
     whole = squeeze(image, setting.width, setting.height, channels_last=False)
     return np.asarray(whole[0] / np.float32(255), np.float32)
@@ -144,7 +144,7 @@ class DepthTraining(Training):
         return report
 
     def _measure(self) -> float:
-        """Errors of the held-out pictures and maps in metres; returns their relative error."""
+        """Errors of the held-out images and maps in metres; returns their relative error."""
         import torch
 
         setting = self.setting

@@ -29,7 +29,7 @@ FINE_TUNE_RATE = 1e-5
 
 
 class Rows:
-    """Features that are learned from; one or more rows per picture."""
+    """Features that are learned from; one or more rows per image."""
 
     def __init__(self, wanted: Sequence[Wanted], features: NDArray[np.float32]) -> None:
         self.names = [f"{w.sample.name}{f' (copy {w.copy})' if w.copy else ''}" for w in wanted]
@@ -41,7 +41,7 @@ class Rows:
 
 
 def wanted_rows(pictures: DoorPictures, indices: Sequence[int], copies: int = 0) -> list[Wanted]:
-    """These pictures and so many augmented copies of each."""
+    """These images and so many augmented copies of each."""
     return [
         Wanted(pictures.samples[i], pictures.digests[i], copy)
         for copy in range(copies + 1)
@@ -121,7 +121,7 @@ class SrinTraining(Training):
         return history + loop.run(self.run.resume)
 
     def _read(self, part: Sequence[int]) -> Loaded:
-        """Pictures for the whole network, in training augmented if copies are wanted."""
+        """Images for the whole network, in training augmented if copies are wanted."""
         options = self.options
         return Loaded(
             [self.pictures.samples[i] for i in part],
@@ -136,7 +136,7 @@ class SrinTraining(Training):
         )
 
     def records(self) -> list[ClassifierRecord]:
-        """What the network as it is says of the held-out pictures."""
+        """What the network as it is says of the held-out images."""
         samples = [self.pictures.samples[i] for i in self.split.held]
         if self.options.fine_tune:
             p_open = predict(self._whole, self._read(self.split.held))
@@ -194,7 +194,7 @@ def score_epochs(
 ) -> EpochScores:
     """Held-out scores of the head after each of `epochs`; options.epochs is not used.
 
-    One training, stopped and resumed: as the learning rate is constant and the order of pictures
+    One training, stopped and resumed: as the learning rate is constant and the order of images
     follows from seed and epoch alone, the weights after N epochs are those of a training for N.
     """
     training = SrinTraining(pictures, replace(options, fine_tune=0), run, side)

@@ -1,4 +1,4 @@
-"""Fine-tuning of a doornet on few pictures: the openings' heads, then the whole decoder.
+"""Fine-tuning of a doornet on few images: the openings' heads, then the whole decoder.
 
 The encoder and all statistics of batch norm stay as they are. The heads do not touch depth
 and floor at all; when the decoder learns, too, it is held to the depth and floor that the
@@ -34,7 +34,7 @@ from doorway3ds.networks.doornet import DoorNet as Runtime
 
 SITE = "site"
 BEFORE, HEADS, DECODER = "before", "heads", "decoder"
-ENOUGH = 25  # pictures of either class from which on calibration is fitted anew
+ENOUGH = 25  # images of either class from which on calibration is fitted anew
 _REPLAY = 0.4  # share of a batch that comes from other data sets
 _AUGMENT = AugmentConfig(whole=0.6, min_zoom=0.7, occluder=0.1)
 # serves training alone, is not in a file, and comes back untrained: nothing to learn by
@@ -60,7 +60,7 @@ class Tuned:
 
 @dataclass(frozen=True)
 class _Outlook:
-    """The network's answers to the plain views of some pictures."""
+    """The network's answers to the plain views of some images."""
 
     loss: float
     answers: list[tuple[Sample, dict[str, Any], dict[str, Any]]]  # sample, outputs, target
@@ -133,7 +133,7 @@ def _config(learn: Sequence[Sample], rate: float, options: TuneOptions) -> FitCo
     others = [source for source in sources if source != SITE]
     shares = {SITE: 1.0 - _REPLAY if others else 1.0}
     shares |= {source: _REPLAY / len(others) for source in others}
-    # each picture about twice an epoch
+    # each image about twice an epoch
     steps = round(2 * own / shares[SITE] / options.batch)
     return FitConfig(
         stages=(Stage(options.epochs, rate),),
@@ -156,7 +156,7 @@ def _freeze(net: DoorNet, stage: str) -> None:
     shared = {id(layer) for layer in keras.Model(decoder.inputs, others).layers}
     for layer in decoder.layers:
         learns = stage == DECODER or id(layer) not in shared
-        # few pictures tell less of the statistics than the thousands before
+        # few images tell less of the statistics than the thousands before
         layer.trainable = learns and not is_batch_norm(layer) and layer.name != _UNTRAINED
 
 
@@ -195,7 +195,7 @@ def _depth_change(first: _Outlook, now: _Outlook) -> float:
 
 
 def _calibrate(before: Calibration, outlook: _Outlook) -> tuple[Calibration, tuple[str, ...]]:
-    """Refitted where enough pictures tell, kept where not; and what was refitted."""
+    """Refitted where enough images tell, kept where not; and what was refitted."""
     found, fitted = before, []
     told = [(s, o, t) for s, o, t in outlook.answers if s.open is not None]
     logits = np.array([[o["p_open"], o["score"].max()] for _, o, _ in told])
@@ -206,7 +206,7 @@ def _calibrate(before: Calibration, outlook: _Outlook) -> tuple[Calibration, tup
             found, p_open_scale=scale, p_open_score_scale=score_scale, p_open_shift=shift
         )
         fitted.append("p_open")
-    # a strip's score speaks of a place in the picture: only marked openings can tell
+    # a strip's score speaks of a place in the image: only marked openings can tell
     marked = [(o["score"], t["score"]) for s, o, t in told if s.spans or s.open == 0]
     logits, labels = best_strips(marked)
     if _enough(labels):

@@ -1,7 +1,7 @@
 """A network for one site: measured on held-out places, fine-tuned on the others, kept if better.
 
-Three parts that share no place: pictures to learn from, pictures that stop and choose the
-training, and pictures that nothing but the final comparison sees.
+Three parts that share no place: images to learn from, images that stop and choose the
+training, and images that nothing but the final comparison sees.
 """
 
 from __future__ import annotations
@@ -51,14 +51,14 @@ from doorway3ds.lab.train.site.report import site_page
 from doorway3ds.networks import registry
 from doorway3ds.networks.doornet import DoorNet as Runtime
 
-MIN_PICTURES, MIN_PLACES = 8, 8  # pictures of each class, places altogether
+MIN_PICTURES, MIN_PLACES = 8, 8  # images of each class, places altogether
 MIN_HELD = 4  # held-out places: fewer say next to nothing of the next one
 _INNER = 0.25  # of what is not held out: stops and chooses
 
 
 @dataclass(frozen=True)
 class Parts:
-    """The site's pictures by use; leaks: near-copies of which only one side is held out."""
+    """The site's images by use; leaks: near-copies of which only one side is held out."""
 
     learn: tuple[Picture, ...]
     inner: tuple[Picture, ...]
@@ -91,9 +91,9 @@ def read_site(
     camera: tuple[FitCamera, Pose] | None = None,
     seen: Seen = unseen,
 ) -> DoorPictures:
-    """The pictures of a folder per class, those that its doorways.csv marks, or both.
+    """The images of a folder per class, those that its doorways.csv marks, or both.
 
-    Where both are there, the table's word counts for the pictures that it names. camera: of
+    Where both are there, the table's word counts for the images that it names. camera: of
     those that bring none. Raises UserError where there are too few, saying how many are needed.
     """
     if not folder.is_dir():
@@ -149,7 +149,7 @@ def part(pictures: DoorPictures, hold_out: float, seed: int) -> Parts:
 
 
 def read_replay(folders: Sequence[Path], unlike: Sequence[Picture]) -> tuple[list[Sample], int]:
-    """Pictures of other data sets to learn from, without near-copies of `unlike`, and how many
+    """Images of other data sets to learn from, without near-copies of `unlike`, and how many
     of those were left out."""
     found = [sample for folder in folders for sample in read_samples(folder)]
     if not found:
@@ -164,7 +164,7 @@ def read_replay(folders: Sequence[Path], unlike: Sequence[Picture]) -> tuple[lis
 def compare_answers(
     pictures: DoorPictures, before: Path, after: Path, repeats: int = 2000, seed: int = 0
 ) -> score.Comparison:
-    """Two networks on all of a site's pictures, by answers that `3ds batch` or `look` stored.
+    """Two networks on all of a site's images, by answers that `3ds batch` or `look` stored.
 
     Raises UserError if either cannot be read, or holds answers of several networks.
     """
@@ -187,9 +187,9 @@ def compare_answers(
 
 
 class SiteTraining(Training):
-    """Fine-tunes a network on a site's pictures and compares both on its held-out places.
+    """Fine-tunes a network on a site's images and compares both on its held-out places.
 
-    folder: where the pictures are from. parts: of `part`. replay: data sets to learn from, too.
+    folder: where the images are from. parts: of `part`. replay: data sets to learn from, too.
     repeats: bootstrap resamples of the comparison. tell: told which stage begins.
     """
 

@@ -1,4 +1,4 @@
-"""The report of a qualification: before and after, and the pictures that changed sides."""
+"""The report of a qualification: before and after, and the images that changed sides."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _SHOWN = (
 
 
 def site_page(done: SiteTraining, card: Mapping[str, Any]) -> Report:
-    """Verdict and measures first, then the pictures that changed sides."""
+    """Verdict and measures first, then the images that changed sides."""
     facts = {"verdict": ("better: " if done.verdict.better else "not better: ") + done.verdict.why}
     facts |= outcome.facts({key: card[key] for key in _SHOWN if card.get(key)})
     report = Report(f"Qualification on {Path(str(card['data'])).name}", facts)
@@ -100,7 +100,7 @@ def _add_sheets(report: Report, done: SiteTraining) -> None:
 
 
 def _tile(record: DirectionRecord, picture: Sample) -> sheets.Tile:
-    """Marked openings with the answer; of a picture that is only sorted, what p_open said."""
+    """Marked openings with the answer; of an image that is only sorted, what p_open said."""
     if record.truth.openings or not record.truth.is_open:
         return sheets.direction_tile(picture, record, direction.judge(record))
     said = f"{picture.name}: {record.reason}, p {record.p_open:.2f}; a doorway, not marked"

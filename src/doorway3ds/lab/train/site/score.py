@@ -1,8 +1,8 @@
 """What decides whether a site model is better: measures, their paired difference, the rule.
 
-A picture with a doorway is answered rightly where p_open is at least 0.5 and, if its openings
-are marked, the answer's bearing lies inside one; a picture without where p_open is below 0.5.
-The rule: better is what answers more pictures rightly (the mean of both kinds' shares) so that
+An image with a doorway is answered rightly where p_open is at least 0.5 and, if its openings
+are marked, the answer's bearing lies inside one; an image without where p_open is below 0.5.
+The rule: better is what answers more images rightly (the mean of both kinds' shares) so that
 the 95 % interval of the paired difference over places lies above 0, finds doorways no more
 seldom beyond chance, goes no more often where there is none, and leaves depth as it was.
 """
@@ -42,7 +42,7 @@ MEASURES: dict[str, Metric] = {
 
 @dataclass(frozen=True)
 class Comparison:
-    """Measures of two networks on the same pictures, and second minus first."""
+    """Measures of two networks on the same images, and second minus first."""
 
     before: Mapping[str, Interval]
     after: Mapping[str, Interval]
@@ -60,7 +60,7 @@ class Verdict:
 
 
 def is_right(record: DirectionRecord) -> bool:
-    """Whether one picture is answered rightly."""
+    """Whether one image is answered rightly."""
     called = record.p_open >= OPEN
     if not record.truth.is_open:
         return not called
@@ -75,7 +75,7 @@ def compare(
 ) -> Comparison:
     """Both with 95 % intervals by place, and their paired difference with its own.
 
-    Raises ValueError unless both hold the same pictures in the same order.
+    Raises ValueError unless both hold the same images in the same order.
     """
     places = direction.paired_places(before, after)
     first, second = _measures(before), _measures(after)
@@ -89,7 +89,7 @@ def compare(
 
 
 def judge(comparison: Comparison, depth_change: float) -> Verdict:
-    """The rule. depth_change: relative, between both networks' depth of the same pictures."""
+    """The rule. depth_change: relative, between both networks' depth of the same images."""
     gain = comparison.difference["right"]
     said = (
         f"answers rightly {100 * gain.value:+.1f} points "
@@ -114,7 +114,7 @@ def judge(comparison: Comparison, depth_change: float) -> Verdict:
 
 
 def table(comparison: Comparison) -> Table:
-    """Before, after and the difference; only measures that some picture speaks to."""
+    """Before, after and the difference; only measures that some image speaks to."""
     rows = []
     for name, metric in MEASURES.items():
         values = [getattr(comparison, side)[name] for side in ("before", "after", "difference")]

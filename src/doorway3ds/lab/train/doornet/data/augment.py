@@ -1,6 +1,6 @@
-"""Augmentation that respects geometry: a virtual camera looks into the stored picture.
+"""Augmentation that respects geometry: a virtual camera looks into the stored image.
 
-Turning a camera about its centre and changing its focal length are exact for a picture: pixels
+Turning a camera about its centre and changing its focal length are exact for an image: pixels
 move by one homography and depth is re-projected on the new optical axis. What a moved camera
 would see is not invented.
 """
@@ -21,25 +21,25 @@ from doorway3ds.lab.train.doornet.model import CANONICAL_F_PX
 Array = NDArray[Any]
 
 _HELD_M, _TOP_M = 1.35, 2.2  # height of a camera in the hand; of what lies over the horizon
-_WHOLE = 0.7  # share of a picture's width that holds an unmarked opening well enough
+_WHOLE = 0.7  # share of an image's width that holds an unmarked opening well enough
 
 
 @dataclass(frozen=True)
 class AugmentConfig:
-    """Ranges of the virtual camera and of the picture's look."""
+    """Ranges of the virtual camera and of the image's look."""
 
-    whole: float = 0.35  # share of pictures whose whole field of view is kept
+    whole: float = 0.35  # share of images whose whole field of view is kept
     min_zoom: float = 0.55  # smallest share of the field of view that is cut out
     roll_deg: float = 2.5
     mirror: float = 0.5
-    colour: float = 0.8  # share of pictures whose colours, blur and noise change
-    occluder: float = 0.15  # share of pictures with a box pasted over a part
+    colour: float = 0.8  # share of images whose colours, blur and noise change
+    occluder: float = 0.15  # share of images with a box pasted over a part
     low: float = 0.0  # share of landscape photographs that a robot's low camera sees
 
 
 @dataclass(frozen=True)
 class Target:
-    """What the losses need for one picture; weights are 0 where a label is missing.
+    """What the losses need for one image; weights are 0 where a label is missing.
 
     image: (h, w, 3) uint8. columns are strips of 4 input pixels, N = w / 4.
     """
@@ -81,13 +81,13 @@ def view(
     rng: np.random.Generator | None,
     config: AugmentConfig = AugmentConfig(),
 ) -> Target:
-    """One training picture of `size` (h, w); rng None gives the plain centre view."""
+    """One training image of `size` (h, w); rng None gives the plain centre view."""
     height, width = size
     if rng is not None and config.low and rng.random() < config.low:
         sample = lowered(sample, rng.uniform(0.3, 0.7))
     rows, columns = sample.image.shape[:2]
     source = _matrix(sample.camera)
-    # the largest window of the wanted aspect inside the picture
+    # the largest window of the wanted aspect inside the image
     reach = min(columns / width, rows / height)
     zoom, yaw, pitch, roll, mirror = 1.0, 0.0, 0.0, 0.0, False
     # a window of another aspect leaves room to slide
@@ -104,7 +104,7 @@ def view(
         yaw = np.arctan(rng.uniform(-slack_x, slack_x) / sample.camera[0])
         pitch = np.arctan(rng.uniform(-slack_y, slack_y) / sample.camera[1])
     focal = sample.camera[0] / (reach * zoom)
-    # the stored principal point may lie off the middle: the window must not leave the picture
+    # the stored principal point may lie off the middle: the window must not leave the image
     off_x = (sample.camera[2] - (columns - 1) / 2) / (reach * zoom)
     off_y = (sample.camera[3] - (rows - 1) / 2) / (reach * zoom)
     focal_y = focal * sample.camera[1] / sample.camera[0]
@@ -169,7 +169,7 @@ def lowered(sample: Sample, share: float) -> Sample:
 
     Rows move and columns stay. What is on the floor and what is about 2.2 m high comes to lie where
     it would; what is upright between is squeezed below the horizon and stretched above. Portraits
-    and rendered pictures, which have low views of their own, stay as they are.
+    and rendered images, which have low views of their own, stay as they are.
     """
     rows, columns = sample.image.shape[:2]
     known = sample.depth_m is not None and sample.segments is not None
@@ -212,7 +212,7 @@ def _moved(
 
 
 def _unmarked(sample: Sample) -> bool:
-    """Whether the picture shows an opening without telling where."""
+    """Whether the image shows an opening without telling where."""
     return sample.open == 1 and not sample.spans
 
 
@@ -299,7 +299,7 @@ def _look(image: Array, rng: np.random.Generator) -> Array:
 def _occlude(
     image: Array, depth: Array, segments: Array, floor: Array, rng: np.random.Generator
 ) -> None:
-    """A flat box over a part of the picture; depth and segments under it become unknown."""
+    """A flat box over a part of the image; depth and segments under it become unknown."""
     height, width = image.shape[:2]
     h, w = rng.integers(height // 8, height // 3), rng.integers(width // 10, width // 4)
     y, x = rng.integers(0, height - h), rng.integers(0, width - w)

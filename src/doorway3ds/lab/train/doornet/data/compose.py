@@ -38,7 +38,7 @@ from doorway3ds.lab.train.doornet.data.samples import Sample, Span
 
 Array = NDArray[Any]
 
-_TRIES = 40  # for one picture
+_TRIES = 40  # for one image
 _HIDDEN = 0.4  # share of a hole behind furniture, at most
 _TELLING = 15.0  # grey levels by which what is seen through a hole must vary
 # furniture stands along most photographed walls, and before few doorways: what is kept, by the way
@@ -49,7 +49,7 @@ _KEPT = {1: 1.0, None: 0.5, 0: 0.3}
 class ComposeConfig:
     """How many, and how wide.
 
-    count: pictures to build. opens: share of them with a doorway; of the others the share
+    count: images to build. opens: share of them with a doorway; of the others the share
     `closed` holds a closed door, the rest a window, a picture or a mirror. width_m, height_m:
     of doorways. passages: share of the doorways, and of what is no door, that are passage_m wide.
     """
@@ -64,7 +64,7 @@ class ComposeConfig:
 
 
 def compose(samples: Sequence[Sample], config: ComposeConfig, seed: int = 1) -> list[Sample]:
-    """Built pictures of the source "composed", the same for the same seed.
+    """Built images of the source "composed", the same for the same seed.
 
     samples: rooms with measured depth and classes to build into and to see through to, and
     photographs with `extra["leaf"]`, the box of a closed door. All that is built comes from
@@ -93,7 +93,7 @@ def compose(samples: Sequence[Sample], config: ComposeConfig, seed: int = 1) -> 
 
 @dataclass
 class _Inside:
-    """What a hole shows: (H, W, 3) float32 picture, (H, W) metres (nan unknown), classes."""
+    """What a hole shows: (H, W, 3) float32 image, (H, W) metres (nan unknown), classes."""
 
     image: Array
     depth: Array
@@ -278,7 +278,7 @@ class _Builder:
     def _flat(
         self, host: Sample, hole: Hole, kind: str, wall: Array, rng: np.random.Generator
     ) -> _Inside:
-        """A picture of some room, or the host mirrored."""
+        """An image of some room, or the host mirrored."""
         share = rng.uniform(0.3, 0.9)
         left, top = rng.uniform(0, 1 - share, 2)
         box = np.array([left, top, left + share, top + share])
@@ -292,7 +292,7 @@ class _Builder:
 def _placed(
     array: Array, shape: tuple[int, ...], scale: float, shift: tuple[float, float], flip: bool
 ) -> Array:
-    """A room's picture, depth or classes made smaller and put at (column, row) `shift`."""
+    """A room's image, depth or classes made smaller and put at (column, row) `shift`."""
     colours = array.ndim == 3
     array = np.ascontiguousarray(array[:, ::-1]) if flip else array
     size = (round(array.shape[1] * scale), round(array.shape[0] * scale))
@@ -305,7 +305,7 @@ def _placed(
 
 
 def _warped(sample: Sample, box: Array, quad: Array, shape: tuple[int, ...]) -> Array:
-    """A box (left, top, right, bottom as fractions) of a picture on four corners; float32."""
+    """A box (left, top, right, bottom as fractions) of an image on four corners; float32."""
     left, top, right, bottom = box
     height, width = sample.image.shape[:2]
     corners = np.array([[left, bottom], [left, top], [right, top], [right, bottom]])

@@ -130,7 +130,7 @@ def fit_plane(sample: Sample, mask: Array, rng: np.random.Generator) -> Plane | 
 
 
 def horizon(sample: Sample) -> float:
-    """Row of the horizon in the picture's middle, by its floor; else that of the optical axis."""
+    """Row of the horizon in the image's middle, by its floor; else that of the optical axis."""
     _, fy, _, cy = sample.camera
     depth = depth_of(sample)
     known = (depth > 0.5) & (depth < _FAR_M)
@@ -181,7 +181,7 @@ def filled(corners: Array, shape: tuple[int, ...], smooth: bool = False) -> Arra
 
 
 def column_at(edge: Array, rows: int) -> float:
-    """Column of a line through two points at the picture's mid-height."""
+    """Column of a line through two points at the image's mid-height."""
     (x0, y0), (x1, y1) = edge
     share = ((rows - 1) / 2 - y0) / (y1 - y0) if abs(y1 - y0) > 1e-6 else 0.5
     return float(x0 + share * (x1 - x0))

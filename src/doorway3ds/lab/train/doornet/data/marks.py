@@ -16,17 +16,17 @@ _WEIGHT = {str(sure): weight for sure, weight in CONFIDENCE.items()}
 
 @dataclass(frozen=True)
 class Mark:
-    """What somebody saw in one picture: its openings, as fractions of the width; none = closed."""
+    """What somebody saw in one image: its openings, as fractions of the width; none = closed."""
 
     spans: tuple[tuple[float, float, int | None], ...]
     weight: float
 
 
 def read_marks(path: Path) -> dict[str, Mark]:
-    """Marks by picture: a CSV with image, open, left, right, clear and confidence.
+    """Marks by image: a CSV with image, open, left, right, clear and confidence.
 
-    left and right are fractions of the picture's width, cut at its edges; several rows of one
-    picture are several openings. clear is 1, 0 or empty, confidence 3 (certain) to 1 (guess).
+    left and right are fractions of the image's width, cut at its edges; several rows of one
+    image are several openings. clear is 1, 0 or empty, confidence 3 (certain) to 1 (guess).
     Raises UserError naming the first line that is none of this.
     """
     found: dict[str, Mark] = {}
@@ -57,12 +57,12 @@ def _mark(row: Mapping[str, str]) -> Mark:
 
 
 def apply_marks(samples: Sequence[Sample], marks: Mapping[str, Mark]) -> list[Sample]:
-    """The samples with the openings of `marks` where there are any for a picture of that name.
+    """The samples with the openings of `marks` where there are any for an image of that name.
 
-    A picture that its data set calls open and the marks do not shows an open door to no other
+    An image that its data set calls open and the marks do not shows an open door to no other
     room, a closet's: nobody knows what to call it, and it is left out of the opening labels.
 
-    Raises UserError where no picture has a mark.
+    Raises UserError where no image has a mark.
     """
 
     def marked(sample: Sample) -> Sample:

@@ -1,4 +1,4 @@
-"""Training samples: one picture with whatever labels it has, read from mixed sources.
+"""Training samples: one image with whatever labels it has, read from mixed sources.
 
 Readers keep everything at a modest size in memory, so that an epoch never waits for a disk.
 """
@@ -30,21 +30,21 @@ from doorway3ds.types import Frame
 
 # Labels 0..5 of SEGMENTS (other, wall, floor, door, window, ceiling); 255 = unknown
 UNKNOWN = 255
-LONGER = 352  # side of a stored picture at most, unless it is rendered
+LONGER = 352  # side of a stored image at most, unless it is rendered
 _DOOR_WIDTH = LONGER * 3 // 4
 _NYU40 = np.zeros(256, np.uint8)  # by the labels of NYU40, less 1
 _NYU40[[0, 1, 7, 8, 21, 39]] = 1, 2, 3, 4, 5, UNKNOWN
 _NAN = np.float32(np.nan)
 _LOW_M = 0.65  # a robot's camera is below, and no photograph shows what it sees
 _LOW_DRAWS = 2.0
-_WITHIN = 0.6  # share of the width from which on a picture is taken from within the doorway
+_WITHIN = 0.6  # share of the width from which on an image is taken from within the doorway
 _WITHIN_WEIGHT = 0.3
 CONFIDENCE = {3: 1.0, 2: 0.8, 1: 0.4}  # how sure the eye was -> weight
 
 
 @dataclass(frozen=True)
 class Span:
-    """An opening at mid-height, in columns of the stored picture.
+    """An opening at mid-height, in columns of the stored image.
 
     loose: the marked box holds frame and leaf, so its edges are only rough.
     clear: whether the way to it was marked free; None = not told. unsure: there may be an opening
@@ -60,13 +60,13 @@ class Span:
 
 @dataclass(frozen=True)
 class Sample:
-    """One picture and the labels it carries; None = not labelled.
+    """One image and the labels it carries; None = not labelled.
 
     image: (H, W, 3) uint8 RGB. depth_m: (H, W) float32, nan unknown. segments: (H, W) uint8,
     255 unknown. camera: fx, fy, cx, cy in pixels of `image`. open: 1, 0, or None (half open);
     1 without spans: an opening that nobody has marked. p_open: how likely it is, if not known for
     certain. weight: of the opening labels; depth_weight, segment_weight: of pseudo-labels. draws:
-    how often training draws it, as against others of its source. kinds: what a picture without an
+    how often training draws it, as against others of its source. kinds: what an image without an
     opening shows instead, if told.
     """
 
@@ -122,7 +122,7 @@ def _door(marked: Marked, closed_weight: float) -> Sample:
 
 
 def _rendered(marked: Marked) -> Sample:
-    """A picture of a rendered home at its full size."""
+    """An image of a rendered home at its full size."""
     sample = _with_maps(marked, "rendered", None)
     # not open and only guessed: a doorway is glimpsed, too little of it to count
     glimpse = sample.open == 0 and marked.confidence == 1
@@ -132,7 +132,7 @@ def _rendered(marked: Marked) -> Sample:
 
 
 def _with_maps(marked: Marked, source: str, longer: int | None) -> Sample:
-    """A marked picture with depth and segments: its labels', or floor and unknown."""
+    """A marked image with depth and segments: its labels', or floor and unknown."""
     sample = from_frame(marked, load_frame(marked), source, longer)
     size = (sample.image.shape[1], sample.image.shape[0])
 
@@ -157,10 +157,10 @@ def _by_hand(dataset: Dataset) -> list[Sample]:
     """Photographs of any size and camera marked by hand, as `3ds label` writes them: no depth.
 
     Their source is the folder's name. What is taken from within a doorway, so that the opening
-    covers most of the picture, counts less: where its edges are is a guess. Where not every
-    picture's place is told, pictures also share one that a perceptual hash finds nearly the same.
+    covers most of the image, counts less: where its edges are is a guess. Where not every
+    image's place is told, images also share one that a perceptual hash finds nearly the same.
 
-    Raises UserError where a picture cannot be read or is not of the folder's camera.
+    Raises UserError where an image cannot be read or is not of the folder's camera.
     """
     name = source_of(dataset)
     samples, hashes = [], []
@@ -186,9 +186,9 @@ def _by_hand(dataset: Dataset) -> list[Sample]:
 def from_frame(
     marked: Marked, frame: Frame, source: str, longer: int | None = LONGER, *, loose: bool = False
 ) -> Sample:
-    """A marked picture as a sample whose longer side has at most so many pixels; None: any.
+    """A marked image as a sample whose longer side has at most so many pixels; None: any.
 
-    frame: the picture as `load_frame` returns it. loose: openings are boxes of frame and leaf.
+    frame: the image as `load_frame` returns it. loose: openings are boxes of frame and leaf.
     """
     height, width = frame.image.shape[:2]
     scale = 1.0 if longer is None else min(1.0, longer / max(width, height))
@@ -218,12 +218,12 @@ def from_frame(
 
 
 def cluster_places(descriptors: NDArray[np.float32], threshold: float) -> NDArray[np.int64]:
-    """Place numbers of pictures whose descriptors are linked by cosine similarity.
+    """Place numbers of images whose descriptors are linked by cosine similarity.
 
-    descriptors: (N, V, D), V views of each picture (itself, mirrored). Two pictures belong to
+    descriptors: (N, V, D), V views of each image (itself, mirrored). Two images belong to
     one place if any pair of their views is more alike than `threshold`, transitively.
     """
-    # what all pictures share says nothing of the place
+    # what all images share says nothing of the place
     descriptors = descriptors - descriptors.mean(axis=(0, 1))
     unit = descriptors / np.linalg.norm(descriptors, axis=-1, keepdims=True)
     count = len(unit)

@@ -43,7 +43,7 @@ def add_depth(samples: list[Sample], fastdepth: Path, weight: float) -> list[Sam
         if sample.depth_m is not None:
             return sample
         rows, columns = sample.image.shape[:2]
-        # the teacher sees squares: the two halves of the picture that overlap in the middle
+        # the teacher sees squares: the two halves of the image that overlap in the middle
         side = min(rows, columns)
         total = np.zeros((rows, columns), np.float32)
         count = np.zeros((rows, columns), np.float32)
@@ -95,7 +95,7 @@ def add_segments(
 
 
 def describe(samples: list[Sample], mobilenet: Path) -> NDArray[np.float32]:
-    """(N, 2, D) ImageNet features of each picture and of its mirror image, grey."""
+    """(N, 2, D) ImageNet features of each image and of its mirror image, grey."""
     session = _session(mobilenet, outputs=["t172"])
     name = session.get_inputs()[0].name
 
