@@ -80,7 +80,6 @@ def direction(
 
     Example: 3ds eval direction rooms --method opening,paper --out report
     """
-    from doorway3ds.draw.words import help_page
     from doorway3ds.lab.evaluate import direction as scores
     from doorway3ds.lab.evaluate import kinds, runners, stored
     from doorway3ds.lab.evaluate.report import pages
@@ -124,7 +123,7 @@ def direction(
         write_bytes(save_answers, ("\n".join(lines) + "\n").encode())
     page = _page("Direction", dataset, runs.left_out, tables)
     if report.out is not None:
-        page.facts = {**page.facts, "reasons": help_page()}
+        page.reasons = True
         samples = {s.name: s for s in dataset.samples}
         pages.add_direction_pictures(page, samples, runs.records, scored)
     _finish(page, result, report)

@@ -36,12 +36,15 @@ def help_page(reason: Reason | None = None) -> str:
 
 
 def help_link(reason: Reason | None = None) -> str:
-    """Address of the same page as installed: of the wheel, or of the clone."""
+    """Address of the same page as installed."""
+    return help_file().as_uri() + _anchor(reason)
+
+
+def help_file() -> Path:
+    """The same page as a file: of the wheel, or of the clone."""
     package = Path(__file__).resolve().parent.parent
     page = package / "reasons.md"
-    if not page.is_file():
-        page = package.parents[1] / "docs" / "reasons.md"
-    return page.as_uri() + _anchor(reason)
+    return page if page.is_file() else package.parents[1] / "docs" / "reasons.md"
 
 
 def _anchor(reason: Reason | None) -> str:

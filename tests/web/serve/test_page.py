@@ -208,6 +208,25 @@ def test_large_pictures_from_phones_are_taken(
 
 
 @pytest.mark.parametrize("width", [390, 1280])
+def test_the_answers_reason_leads_to_its_section(
+    shared: Served, page: Page, photo: bytes, width: int
+) -> None:
+    page.open(shared.url, width)
+    page.problems()
+    page.give(photo, "drop")
+    link = page.until(
+        lambda: page.run(
+            "const a = document.querySelector('#facts a'); return a && [a.text, a.href]"
+        )
+    )
+    assert link == ["turn", f"{shared.url}/reasons#turn"]
+    page.driver.get(f"{shared.url}/reasons#turn")
+    assert page.run("return document.querySelector(':target').textContent") == "turn"
+    assert page.run("return document.documentElement.scrollWidth <= innerWidth")
+    assert page.problems() == []
+
+
+@pytest.mark.parametrize("width", [390, 1280])
 def test_the_api_is_shown_without_anything_from_elsewhere(
     shared: Served, page: Page, width: int
 ) -> None:

@@ -8,7 +8,6 @@ from typing import Any
 
 import pyarrow.compute as pc
 
-from doorway3ds.draw.words import help_page
 from doorway3ds.errors import UserError
 from doorway3ds.images.codec import read_image
 from doorway3ds.lab.batch.items import Item, find_items
@@ -29,7 +28,7 @@ def write_batch_report(folder: Path, sources: list[str], facts: dict[str, str]) 
     """
     by_folder = counts(folder)
     images = str(sum(c["images"] for c in by_folder.values()))
-    report = Report("Batch", {**facts, "images": images, "reasons": help_page()})
+    report = Report("Batch", {**facts, "images": images}, reasons=True)
     rows = [(where, "", list(map(str, count.values()))) for where, count in by_folder.items()]
     report.tables.append(Table("Answers by folder", list(next(iter(by_folder.values()))), rows))
     columns = ["image", "occurrence", "p_open", "bearing_deg", "range_m", "reason"]

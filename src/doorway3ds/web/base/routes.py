@@ -97,6 +97,12 @@ async def docs(request: Request, state: State) -> Response:
     return _asset(request, state, "docs.html")
 
 
+@router.get("/reasons", include_in_schema=False)
+async def reasons(request: Request, state: State) -> Response:
+    """What each reason asks one to do."""
+    return _asset(request, state, "reasons.html")
+
+
 @router.get("/static/{name}", include_in_schema=False)
 async def static(request: Request, state: State, name: str) -> Response:
     return _asset(request, state, name)

@@ -12,6 +12,7 @@ from typing import cast
 
 from fastapi import Request
 
+from doorway3ds.draw.reasons import reasons_html
 from doorway3ds.web.base.access import ServerSettings
 from doorway3ds.web.base.metrics import Metrics
 from doorway3ds.web.base.work import Work
@@ -38,13 +39,15 @@ class Asset:
 class Assets:
     """The files of `web/static` by name, read once: no request's path reaches the file system.
 
-    In a page `<!--#include NAME-->` stands for what pages share, a file whose name begins with _.
+    In a page `<!--#include NAME-->` stands for what pages share, a file whose name begins with _,
+    and _reasons.html for docs/reasons.md.
     """
 
     def __init__(self) -> None:
         found = {
             f.name: f.read_bytes() for f in files("doorway3ds.web").joinpath("static").iterdir()
         }
+        found["_reasons.html"] = reasons_html().encode()
         self._assets = {}
         for name, data in found.items():
             kind = _KINDS.get("." + name.rpartition(".")[2])

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from doorway3ds.draw.panels import depth_limit, field_of_view
 from doorway3ds.draw.scene import evidence_points, paper_points, patch, trusted
-from doorway3ds.draw.words import Fact, facts, headline, help_page, sentence
+from doorway3ds.draw.words import facts, headline, sentence
 from doorway3ds.types import Decision
 
 _FLOOR_SIDE = 320  # floor masks are enlarged to this before they are outlined: smooth edges
@@ -26,13 +26,14 @@ def view_of(decision: Decision) -> dict[str, Any]:
     camera, selection = decision.frame.camera, decision.selection
     shown = trusted(decision)
     left, right = field_of_view(decision)
-    reason = Fact("Reason", str(decision.reason), help_page(decision.reason))
+    reason = str(decision.reason)
+    explained = {"label": "Reason", "value": reason, "note": "", "link": f"/reasons#{reason}"}
     return {
         "width": camera.width,
         "height": camera.height,
         "headline": headline(decision),
         "sentence": sentence(decision),
-        "facts": [vars(fact) for fact in (*facts(decision), reason)],
+        "facts": [*(vars(fact) for fact in facts(decision)), explained],
         "field_of_view_deg": [left, right],
         "openings": [opening.to_dict() for opening in selection.openings],
         "pixel": list(selection.pixel) if shown and selection.pixel is not None else None,

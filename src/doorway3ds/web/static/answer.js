@@ -69,10 +69,22 @@ function facts(list) {
   shown.forEach((fact, i) => {
     const row = box.children[i] || box.appendChild(emptyFact());
     [fact.label, fact.value, fact.note].forEach((words, n) => {
-      if (row.children[n].textContent !== words) row.children[n].textContent = words;
+      const cell = n === 1 && fact.link ? linked(row.children[n], fact.link) : row.children[n];
+      if (cell.textContent !== words) cell.textContent = words;
     });
     row.children[2].hidden = !fact.note;
   });
+}
+
+// In a tab of its own: this page goes on deciding.
+function linked(cell, href) {
+  let link = cell.querySelector("a");
+  if (!link) {
+    link = Object.assign(document.createElement("a"), { target: "_blank", rel: "noopener" });
+    cell.replaceChildren(link);
+  }
+  link.href = href;
+  return link;
 }
 
 function emptyFact() {

@@ -106,3 +106,11 @@ def test_plots_are_pictures():
 
 def test_render_needs_no_pictures():
     assert "<img" not in render(Report("t", {}))
+
+
+def test_reasons_are_explained_on_the_page_itself():
+    page = render(Report("t", {}, reasons=True))
+    assert '<a href="#reasons">' in page
+    assert '<h2 id="reasons">Reasons</h2>' in page
+    assert '<h3 id="blocked">blocked</h3>' in page
+    assert "reasons" not in render(Report("t", {}))

@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from doorway3ds.draw.reasons import reasons_html
 from doorway3ds.files import write_bytes, write_json
 from doorway3ds.lab.evaluate.intervals import Interval, plain
 
@@ -30,10 +31,10 @@ class Table:
 
 @dataclass
 class Report:
-    """What a page holds, in order: facts, tables, plots, sheets, notes.
+    """What a page holds, in order: facts, tables, plots, sheets, notes, reasons.
 
     facts: name -> text (data set, command, date). pictures: file stem -> (title, PNG bytes,
-    whether it is a sheet, shown at full width).
+    whether it is a sheet, shown at full width). reasons: whether it explains those of decisions.
     """
 
     title: str
@@ -41,6 +42,7 @@ class Report:
     tables: list[Table] = field(default_factory=list)
     pictures: dict[str, tuple[str, bytes, bool]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    reasons: bool = False
 
     def add_sheet(self, stem: str, title: str, image: NDArray[np.uint8]) -> None:
         """Add a contact sheet, (H, W, 3) uint8 RGB."""
@@ -101,6 +103,9 @@ def render(report: Report) -> str:
         f"<tr><th>{text(name)}</th><td><code>{text(value)}</code></td></tr>"
         for name, value in report.facts.items()
     ]
+    if report.reasons:
+        link = '<a href="#reasons">what each asks you to do</a>'
+        parts.append(f"<tr><th>reasons</th><td>{link}</td></tr>")
     parts.append("</table>")
     for table in report.tables:
         parts.append(f'<h2>{text(table.title)}</h2><div class="scroll"><table><tr><th></th>')
@@ -122,6 +127,8 @@ def render(report: Report) -> str:
     if report.notes:
         parts.append("<h2>Notes</h2>")
         parts += [f"<p>{text(note)}</p>" for note in report.notes]
+    if report.reasons:
+        parts.append(reasons_html(level=2))
     parts.append("</body></html>\n")
     return "\n".join(parts)
 
