@@ -6,6 +6,7 @@ They raise CallError, which is a UserError and a ValueError.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import fields
 from numbers import Integral, Real
 from typing import Any
@@ -52,6 +53,21 @@ def require_numbers(options: Any) -> None:
     """CallError unless every field of a dataclass of limits is a finite number, 0 or more."""
     for entry in fields(options):
         require_number(entry.name, getattr(options, entry.name), 0)
+
+
+def require_probability(name: str, value: Any) -> None:
+    """CallError unless the value is from 0 to 1, or nan: not known."""
+    if not (isinstance(value, Real) and math.isnan(value)):
+        require_number(name, value, 0, 1)
+
+
+def require_pixel(name: str, value: Any) -> None:
+    """CallError unless the value is (row, column) of whole numbers, or None."""
+    if value is None:
+        return
+    whole = isinstance(value, Sequence) and len(value) == 2
+    if not (whole and all(isinstance(number, Integral) for number in value)):
+        raise CallError(f"{name} must be (row, column) or None, got {shown(value)}")
 
 
 def require_image(name: str, value: Any, *, depths: tuple[int | None, ...] = (3,)) -> None:

@@ -8,15 +8,21 @@ distances metres.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.arguments import require, require_image, require_number, shown
+from doorway3ds.arguments import (
+    require,
+    require_image,
+    require_number,
+    require_pixel,
+    require_probability,
+    shown,
+)
 from doorway3ds.camera.model import Camera, Pose
 from doorway3ds.compat import StrEnum
 from doorway3ds.errors import CallError
@@ -339,7 +345,7 @@ class Decision:
         for key in ("bearing_deg", "range_m", "floor_from_m", *_PAPER_DEPTHS):
             require_number(key, answer.get(key), optional=True)
         for key in ("pixel", *_PAPER_PIXELS):
-            _require_pixel(key, answer.get(key))
+            require_pixel(key, answer.get(key))
         timings = answer.get("timings_ms") or {}
         require("timings_ms", timings, Mapping, "a mapping of milliseconds")
         for stage, spent in timings.items():
@@ -375,20 +381,6 @@ class Decision:
 _CUTS = (None, "left", "right", "both")
 _PAPER_PIXELS = ("max_pixel", "best_pixel", "trigger_pixel")
 _PAPER_DEPTHS = ("max_depth", "best_depth")
-
-
-def require_probability(name: str, value: Any) -> None:
-    """CallError unless it is from 0 to 1, or nan: not known."""
-    if not (isinstance(value, Real) and math.isnan(value)):
-        require_number(name, value, 0, 1)
-
-
-def _require_pixel(name: str, value: Any) -> None:
-    if value is None:
-        return
-    whole = isinstance(value, Sequence) and len(value) == 2
-    if not (whole and all(isinstance(number, Integral) for number in value)):
-        raise CallError(f"{name} must be (row, column) or None, got {shown(value)}")
 
 
 def _told(decision: Decision) -> Iterator[str]:
