@@ -49,7 +49,9 @@ def whole_command(count: int, workers: int) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder:
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         load, start = os.getloadavg()[0], time.perf_counter()
-        done = dataset.render_dataset(Path(folder), count, 77, SIZE, workers)
+        done = dataset.render_dataset(
+            Path(folder), dataset.home_jobs(Path(folder), count, 77, SIZE), workers
+        )
         wall = time.perf_counter() - start
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime

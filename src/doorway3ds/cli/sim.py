@@ -29,6 +29,17 @@ def parse_size(text: str) -> tuple[int, int]:
     return width, height
 
 
+def parse_scenes(text: str) -> list[str]:
+    """Names of scenes of trials, separated by commas."""
+    from doorway3ds.lab.sim.stages.scenarios import SCENES
+
+    names = text.split(",")
+    for name in names:
+        if name not in SCENES:
+            raise CallError(f"--scenes: expected some of {', '.join(SCENES)}, got {name!r}")
+    return names
+
+
 @app.callback()
 def main() -> None:
     """Simulated homes: images with exact truth."""
@@ -48,6 +59,9 @@ def render(
         0.0, "Share of homes with stairs, glass, mirrors, people ...", low=0, high=1
     ),
     low: float = setting(0.0, "Share of views from 0.3 to 0.6 m.", low=0, high=1),
+    scenes: str | None = setting(
+        None, "Scenes of `3ds sim trial`, comma separated, instead of homes drawn at random."
+    ),
 ) -> None:
     """Render images of simulated homes with depth, floor and doorways.
 
@@ -56,15 +70,20 @@ def render(
     from rich.console import Console
     from rich.progress import Progress
 
-    from doorway3ds.lab.sim.pictures.dataset import render_dataset
+    from doorway3ds.lab.sim.pictures.dataset import home_jobs, render_dataset
     from doorway3ds.lab.sim.pictures.view import write_contact_sheet
+    from doorway3ds.lab.sim.trials.pictures import stage_jobs
 
     pixels = parse_size(size)
+    if scenes is None:
+        jobs = home_jobs(out, count, seed, pixels, hazards, low)
+    elif hazards:
+        raise CallError("--scenes names what is in view; leave --hazards out")
+    else:
+        jobs = stage_jobs(out, count, seed, pixels, parse_scenes(scenes), low)
     with Progress(console=Console(stderr=True)) as bar:
         task = bar.add_task("images", total=count)
-        total = render_dataset(
-            out, count, seed, pixels, workers, lambda n: bar.advance(task, n), hazards, low
-        )
+        total = render_dataset(out, jobs, workers, lambda n: bar.advance(task, n))
     typer.echo(f"{total} images in {out}, some of them on {write_contact_sheet(out)}")
 
 
@@ -196,10 +215,7 @@ def trial(
     from doorway3ds.lab.sim.stages.scenarios import SCENES
     from doorway3ds.lab.sim.trials.trials import METHODS, plot, run_trials, table
 
-    names = list(SCENES) if scenes is None else scenes.split(",")
-    for name in names:
-        if name not in SCENES:
-            raise CallError(f"--scenes: expected some of {', '.join(SCENES)}, got {name!r}")
+    names = list(SCENES) if scenes is None else parse_scenes(scenes)
     chosen = METHODS if method == "both" else tuple(m for m in METHODS if m == method)
     asked = None if network == "truth" else network
     with Progress(console=Console(stderr=True)) as bar:

@@ -7,7 +7,8 @@ import io
 import json
 import multiprocessing
 import os
-from collections.abc import Callable, Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from doorway3ds.files import write_bytes
 from doorway3ds.lab.datasets.csvfile import MARKS
 from doorway3ds.lab.sim.homes import apartment as homes
 from doorway3ds.lab.sim.homes import hazards
+from doorway3ds.lab.sim.homes.apartment import Home
 from doorway3ds.lab.sim.homes.plan import Plan
 from doorway3ds.lab.sim.pictures import views
 from doorway3ds.lab.sim.pictures.truth import Truth, truth_of
@@ -169,24 +171,69 @@ def largest(size: tuple[int, int]) -> tuple[int, int]:
 
 
 @dataclass(frozen=True)
-class Job:
-    """One home of a data set: pictures first .. first + count - 1.
+class Job(ABC):
+    """Some pictures of a data set, made in one process: numbers first .. first + count - 1.
 
-    hazards, low: share of homes with hazards, and of views from 0.3 to 0.6 m.
+    low: share of views from 0.3 to 0.6 m.
     """
 
-    home: int
+    out: Path
     first: int
     count: int
     size: tuple[int, int]
-    seed: int
-    out: Path
-    hazards: float = 0.0
-    low: float = 0.0
+    low: float
 
     @property
     def shard(self) -> Path:
         return self.out / "homes" / f"{self.first:06d}.json"
+
+    @property
+    @abstractmethod
+    def key(self) -> list[int]:
+        """Of the generator of what tells nothing: how the images are compressed."""
+
+    @abstractmethod
+    def shots(self, context: Any) -> Iterator[tuple[Home, Shot]]:
+        """The pictures, each with the home that it shows; context: of this process' OpenGL."""
+
+
+@dataclass(frozen=True)
+class HomeJob(Job):
+    """Pictures of one home.
+
+    hazards: share of homes with hazards.
+    """
+
+    home: int
+    seed: int
+    hazards: float
+
+    @property
+    def key(self) -> list[int]:
+        return [0x19E6, self.home]
+
+    def shots(self, context: Any) -> Iterator[tuple[Home, Shot]]:
+        home = homes.generate(self.home)
+        dice = np.random.default_rng([0xA2, self.home])
+        if dice.random() < self.hazards:
+            home = hazards.with_hazards(home, dice)
+        scene = build(home, texels_a_metre(self.size[0]), largest(self.size))
+        renderer = Renderer(scene, context)
+        try:
+            for shot in shots(scene, renderer, self.count, self.size, self.seed, self.low):
+                yield home, shot
+        finally:
+            renderer.close()
+
+
+def home_jobs(
+    out: Path, count: int, seed: int, size: tuple[int, int], hazards: float = 0.0, low: float = 0.0
+) -> list[Job]:
+    """`count` pictures of homes drawn at random, VIEWS of each."""
+    return [
+        HomeJob(out, at, min(VIEWS, count - at), size, low, seed * 100_000 + k, seed, hazards)
+        for k, at in enumerate(range(0, count, VIEWS))
+    ]
 
 
 _context: Any = None
@@ -200,64 +247,43 @@ def _start_worker() -> None:
     _context = open_context()
 
 
-def render_home(job: Job) -> int:
-    """Render one home's pictures; its shard is written last, so that a cut run is noticed."""
-    home = homes.generate(job.home)
-    dice = np.random.default_rng([0xA2, job.home])
-    if dice.random() < job.hazards:
-        home = hazards.with_hazards(home, dice)
-    scene = build(home, texels_a_metre(job.size[0]), largest(job.size))
-    renderer = Renderer(scene, _context)
-    rng = np.random.default_rng([0x19E6, job.home])
+def render_job(job: Job) -> int:
+    """Render a job's pictures; its shard is written last, so that a cut run is noticed."""
+    rng = np.random.default_rng(job.key)
     lines, objects = [], []
-    try:
-        taken = shots(scene, renderer, job.count, job.size, job.seed, job.low)
-        for k, shot in enumerate(taken):
-            stem = f"{job.first + k:06d}"
-            image, depth, floor = (
-                job.out / name
-                for name in (f"images/{stem}.jpg", f"depth/{stem}.png", f"floor/{stem}.png")
-            )
-            write_shot(shot, image, depth, floor, int(rng.integers(75, 97)))
-            lines += [{**row, "home": job.home} for row in rows(shot, f"{stem}.jpg")]
-            objects.append(truth_object(shot, f"{stem}.jpg", job.home))
-    finally:
-        renderer.close()
+    for k, (home, shot) in enumerate(job.shots(_context)):
+        stem = f"{job.first + k:06d}"
+        image, depth, floor = (
+            job.out / name
+            for name in (f"images/{stem}.jpg", f"depth/{stem}.png", f"floor/{stem}.png")
+        )
+        write_shot(shot, image, depth, floor, int(rng.integers(75, 97)))
+        lines += [{**row, "home": home.seed} for row in rows(shot, f"{stem}.jpg")]
+        objects.append(truth_object(shot, f"{stem}.jpg", home.seed))
     write_bytes(job.shard, json.dumps({"rows": lines, "truth": objects}).encode())
     return len(objects)
 
 
 def render_dataset(
     out: Path,
-    count: int,
-    seed: int,
-    size: tuple[int, int] = (320, 240),
+    jobs: Sequence[Job],
     workers: int = 2,
     progress: Callable[[int], None] = lambda done: None,
-    hazards: float = 0.0,
-    low: float = 0.0,
 ) -> int:
-    """Render what is missing of `count` pictures into `out`; returns how many there are.
-
-    hazards, low: share of homes with hazards, and of views from 0.3 to 0.6 m.
-    """
+    """Render what is missing of the jobs' pictures into `out`; returns how many there are."""
     for folder in ("images", "depth", "floor", "homes"):
         (out / folder).mkdir(parents=True, exist_ok=True)
-    jobs = [
-        Job(seed * 100_000 + k, at, min(VIEWS, count - at), size, seed, out, hazards, low)
-        for k, at in enumerate(range(0, count, VIEWS))
-    ]
     missing = [job for job in jobs if not job.shard.exists()]
     progress(sum(job.count for job in jobs if job not in missing))
     open_context().free()  # a worker without OpenGL would be started again and again
     context = multiprocessing.get_context("spawn")
     with context.Pool(workers, initializer=_start_worker, maxtasksperchild=40) as pool:
-        for done in pool.imap_unordered(render_home, missing):
+        for done in pool.imap_unordered(render_job, missing):
             progress(done)
     return _merge(out, jobs)
 
 
-def _merge(out: Path, jobs: list[Job]) -> int:
+def _merge(out: Path, jobs: Sequence[Job]) -> int:
     lines: list[dict[str, Any]] = []
     objects: list[dict[str, Any]] = []
     for job in jobs:
