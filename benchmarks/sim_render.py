@@ -1,10 +1,10 @@
-"""How fast `3ds sim render` is: pictures a second, and what each stage of a picture costs.
+"""How fast `3ds sim render` is: images a second, and what each stage of an image costs.
 
     python benchmarks/sim_render.py [--count 200] [--out benchmarks/results/sim_render.json]
 
 Wall time is that of the whole command with two workers, start, distortion, noise, truth and files
 included. Where other work shares the cores, the processor seconds say what the command itself
-needs. Stages are measured in one process, picture by picture, with and without shadow lights
+needs. Stages are measured in one process, image by image, with and without shadow lights
 taking turns.
 """
 
@@ -62,7 +62,7 @@ def whole_command(count: int, workers: int) -> dict[str, float]:
 
 
 def stages(home_count: int, per_home: int) -> dict[str, dict[str, float]]:
-    """Processor milliseconds by stage: median and mean a picture."""
+    """Processor milliseconds by stage: median and mean an image."""
     cv2.setNumThreads(1)
     context = open_context()
     taken: dict[str, list[float]] = {}
@@ -126,9 +126,9 @@ def main() -> None:
     options.out.write_text(json.dumps(result, indent=1) + "\n")
     command = result["command"]
     print(
-        f"{command['pictures_per_s']:.1f} pictures/s with {command['workers']} workers "
+        f"{command['pictures_per_s']:.1f} images/s with {command['workers']} workers "
         f"(load before: {command['load_before']:.1f}), "
-        f"{command['cpu_s_per_picture'] * 1000:.0f} ms of processor time a picture"
+        f"{command['cpu_s_per_picture'] * 1000:.0f} ms of processor time an image"
     )
     for name, stage in result["stages"].items():
         print(f"{name:20} {stage['mean_ms']:7.1f} ms mean {stage['median_ms']:7.1f} ms median")

@@ -1,4 +1,4 @@
-"""Folders of rendered pictures with their truth, in the format that training reads."""
+"""Folders of rendered images with their truth, in the format that training reads."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from doorway3ds.lab.sim.render import sensor
 from doorway3ds.lab.sim.render.renderer import Eye, Renderer, open_context
 from doorway3ds.lab.sim.render.scene import Scene, build
 
-VIEWS = 10  # pictures of one home
+VIEWS = 10  # images of one home
 OPEN_SHARE = 0.56
 HAZARD_SHARE = 0.75  # of the views of a home with hazards
 COLUMNS = (*MARKS, *["home", "state", "fx_px", "height_m", "pitch_deg", "range_m", "bearing_deg"])
@@ -38,7 +38,7 @@ COLUMNS = (*MARKS, *["home", "state", "fx_px", "height_m", "pitch_deg", "range_m
 
 @dataclass(frozen=True)
 class Shot:
-    """One picture: rgb (H, W, 3), depth (H, W) metres with nan for the sky, and its truth."""
+    """One image: rgb (H, W, 3), depth (H, W) metres with nan for the sky, and its truth."""
 
     rgb: NDArray[np.uint8]
     depth: NDArray[np.float32]
@@ -57,12 +57,12 @@ def take(
 
 
 def exposed(ideal: Shot, rng: np.random.Generator | None) -> Shot:
-    """An ideal sensor's picture as a real one takes it."""
+    """An ideal sensor's image as a real one takes it."""
     return ideal if rng is None else replace(ideal, rgb=sensor.expose(rng, ideal.rgb))
 
 
 def good(shot: Shot) -> bool:
-    """Not a picture of a wall at arm's length."""
+    """Not an image of a wall at arm's length."""
     depth = np.nan_to_num(shot.depth, nan=60.0)
     return bool(np.median(depth) > 0.75 and (depth < 0.35).mean() < 0.2)
 
@@ -70,7 +70,7 @@ def good(shot: Shot) -> bool:
 def shots(
     scene: Scene, renderer: Renderer, count: int, size: tuple[int, int], seed: int, low: float = 0.0
 ) -> Iterator[Shot]:
-    """`count` pictures of one home, about half with an open doorway.
+    """`count` images of one home, about half with an open doorway.
 
     Where the home has hazards, most views are of one. low: share of views from 0.3 to 0.6 m.
     """
@@ -102,7 +102,7 @@ def shots(
 
 
 def rows(shot: Shot, name: str) -> list[dict[str, Any]]:
-    """The lines of doorways.csv for one picture."""
+    """The lines of doorways.csv for one image."""
     pose, truth = shot.eye.pose, shot.truth
     common = {
         "image": name,
@@ -133,7 +133,7 @@ def rows(shot: Shot, name: str) -> list[dict[str, Any]]:
 
 
 def truth_object(shot: Shot, name: str, home: int) -> dict[str, Any]:
-    """Everything about one picture as JSON values."""
+    """Everything about one image as JSON values."""
     camera = {k: v for k, v in asdict(shot.camera).items() if k != "assumed"}
     return {
         "image": name,
@@ -161,18 +161,18 @@ def write_shot(
 
 
 def texels_a_metre(width: int) -> float:
-    """Texture resolution that a picture of this width deserves."""
+    """Texture resolution that an image of this width deserves."""
     return float(np.clip(72.0 * width / 320, 72.0, 160.0))
 
 
 def largest(size: tuple[int, int]) -> tuple[int, int]:
-    """Room for the pinhole picture behind a distorted one."""
+    """Room for the pinhole image behind a distorted one."""
     return int(size[0] * 1.35) + 8, int(size[1] * 1.35) + 8
 
 
 @dataclass(frozen=True)
 class Job(ABC):
-    """Some pictures of a data set, made in one process: numbers first .. first + count - 1.
+    """Some images of a data set, made in one process: numbers first .. first + count - 1.
 
     low: share of views from 0.3 to 0.6 m.
     """
@@ -194,12 +194,12 @@ class Job(ABC):
 
     @abstractmethod
     def shots(self, context: Any) -> Iterator[tuple[Home, Shot]]:
-        """The pictures, each with the home that it shows; context: of this process' OpenGL."""
+        """The images, each with the home that it shows; context: of this process' OpenGL."""
 
 
 @dataclass(frozen=True)
 class HomeJob(Job):
-    """Pictures of one home.
+    """Images of one home.
 
     hazards: share of homes with hazards.
     """
@@ -229,7 +229,7 @@ class HomeJob(Job):
 def home_jobs(
     out: Path, count: int, seed: int, size: tuple[int, int], hazards: float = 0.0, low: float = 0.0
 ) -> list[Job]:
-    """`count` pictures of homes drawn at random, VIEWS of each."""
+    """`count` images of homes drawn at random, VIEWS of each."""
     return [
         HomeJob(out, at, min(VIEWS, count - at), size, low, seed * 100_000 + k, seed, hazards)
         for k, at in enumerate(range(0, count, VIEWS))
@@ -240,7 +240,7 @@ _context: Any = None
 
 
 def _start_worker() -> None:
-    # One thread each: the workers share the cores, not a picture.
+    # One thread each: the workers share the cores, not an image.
     os.environ.setdefault("LP_NUM_THREADS", "1")
     cv2.setNumThreads(1)
     global _context
@@ -248,7 +248,7 @@ def _start_worker() -> None:
 
 
 def render_job(job: Job) -> int:
-    """Render a job's pictures; its shard is written last, so that a cut run is noticed."""
+    """Render a job's images; its shard is written last, so that a cut run is noticed."""
     rng = np.random.default_rng(job.key)
     lines, objects = [], []
     for k, (home, shot) in enumerate(job.shots(_context)):
@@ -270,7 +270,7 @@ def render_dataset(
     workers: int = 2,
     progress: Callable[[int], None] = lambda done: None,
 ) -> int:
-    """Render what is missing of the jobs' pictures into `out`; returns how many there are."""
+    """Render what is missing of the jobs' images into `out`; returns how many there are."""
     for folder in ("images", "depth", "floor", "homes"):
         (out / folder).mkdir(parents=True, exist_ok=True)
     missing = [job for job in jobs if not job.shard.exists()]

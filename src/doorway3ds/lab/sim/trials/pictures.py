@@ -1,4 +1,4 @@
-"""Pictures of the stages that trials are played on: what homes drawn at random seldom show."""
+"""Images of the stages that trials are played on: what homes drawn at random seldom show."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from doorway3ds.lab.sim.render.scene import build
 from doorway3ds.lab.sim.robot.world import Studio, stage_of
 from doorway3ds.lab.sim.stages.scenarios import SCENES, Stage
 
-VIEWS = 8  # pictures of one stage
+VIEWS = 8  # images of one stage
 TRIES = 6
 ANYWHERE = 0.25  # share of views that look anywhere in the room; the others near what it is about
 
 
 @dataclass(frozen=True)
 class StageJob(Job):
-    """Pictures taken from where the robot stands on one stage: its own first look, and others with
+    """Images taken from where the robot stands on one stage: its own first look, and others with
     other cameras, heights and headings."""
 
     scene: str
@@ -72,7 +72,7 @@ class StageJob(Job):
 def stage_jobs(
     out: Path, count: int, seed: int, size: tuple[int, int], scenes: Sequence[str], low: float = 0.0
 ) -> list[Job]:
-    """`count` pictures of stages, VIEWS of each and the scenes in turn.
+    """`count` images of stages, VIEWS of each and the scenes in turn.
 
     Seeds of stages count from 100000 times `seed` on.
     """
