@@ -13,8 +13,8 @@ import pytest
 import doorway3ds as d3
 from doorway3ds.live.tracker import TrackerParams
 from doorway3ds.networks import load
+from doorway3ds.networks.averaged import Mirrored
 from doorway3ds.networks.base import Joined
-from doorway3ds.networks.mirrored import Mirrored
 from doorway3ds.robots.base import DryRobot, Limits
 from doorway3ds.robots.loop import LoopParams
 from tests.factories import doornet, scene

@@ -83,7 +83,7 @@ def direction(
     from doorway3ds.lab.evaluate import direction as scores
     from doorway3ds.lab.evaluate import kinds, runners, stored
     from doorway3ds.lab.evaluate.report import pages
-    from doorway3ds.networks.mirrored import Mirrored
+    from doorway3ds.networks.averaged import Mirrored
 
     _apart(pictures, report, save_answers, answers)
     dataset = _dataset(data, pictures)
@@ -148,7 +148,7 @@ def classifier(
     from doorway3ds.lab.evaluate import classifier as scores
     from doorway3ds.lab.evaluate import runners
     from doorway3ds.lab.evaluate.report import pages
-    from doorway3ds.networks.mirrored import Mirrored
+    from doorway3ds.networks.averaged import Mirrored
 
     _apart(pictures, report)
     dataset = _dataset(data, pictures)

@@ -22,9 +22,9 @@ from doorway3ds.decide.scene.metres import in_metres
 from doorway3ds.errors import CallError, UserError
 from doorway3ds.images.codec import Picture, read_image
 from doorway3ds.networks.adapter import OnnxNetwork
+from doorway3ds.networks.averaged import Mirrored
 from doorway3ds.networks.base import Joined, Network, presets_of, thresholds_of
 from doorway3ds.networks.limits import override
-from doorway3ds.networks.mirrored import Mirrored
 from doorway3ds.networks.registry import load
 from doorway3ds.sources.base import View, require_view
 from doorway3ds.types import Decision, Frame, Perception

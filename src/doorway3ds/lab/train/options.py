@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from doorway3ds.decide.options import PACKAGED
 from doorway3ds.errors import CallError
 from doorway3ds.options import MANY, SEED, THREADS, Options
 from doorway3ds.options import setting as option
@@ -153,7 +152,8 @@ class DepthOptions(TrainOptions):
 class DoornetOptions(Options):
     """What doornet learns from, and what is kept from its training.
 
-    unmarked: what `labeller` sees in them; it must not have learned from the places held out.
+    unmarked: what the networks of `labeller` see in them; none may have learned from the places
+    held out.
     """
 
     panel: ClassVar[str] = "Training"
@@ -181,8 +181,11 @@ class DoornetOptions(Options):
     unmarked: list[Path] | None = option(
         None, "Learn from unmarked photographs, too; repeatable.", metavar="FOLDER"
     )
-    labeller: str = option(
-        PACKAGED, "Network that labels the unmarked photographs.", metavar="NETWORK"
+    labeller: list[str] | None = option(
+        None,
+        "Network that labels the unmarked photographs; repeatable, for the mean of several; "
+        "default: the packaged one.",
+        metavar="NETWORK",
     )
     seed: int | None = option(None, "Seed, instead of the recipe's.", **SEED)
     patience: int | None = option(

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from doorway3ds.decide.options import PACKAGED
 from doorway3ds.errors import UserError
 from doorway3ds.files import digest, read_text, write_bytes
 from doorway3ds.lab.datasets.csvfile import csv_bytes
@@ -39,7 +40,7 @@ from doorway3ds.lab.train.engine.loop import Row
 from doorway3ds.lab.train.engine.training import Run, Training
 from doorway3ds.lab.train.options import DoornetOptions
 from doorway3ds.networks import registry
-from doorway3ds.networks.mirrored import Mirrored
+from doorway3ds.networks.averaged import Averaged, Mirrored
 
 # what the network's file says of itself; the card beside it says the rest
 _SHOWN = ("name", "date", "depth_error", "held_out", "pictures", "thresholds", "presets", "costs")
@@ -194,7 +195,8 @@ class DoorNetTraining(Training):
         self.kept = kept + compose(kept, recipe.compose, recipe.fit.seed)
         self.labelled_by: str | None = None
         if options.unmarked:
-            network = Mirrored(registry.load(options.labeller))
+            names = options.labeller or [PACKAGED]
+            network = Averaged([Mirrored(registry.load(name)) for name in names])
             self.labelled_by = network.name
             for folder in options.unmarked:
                 self.kept += with_pseudo_labels(read_unmarked(folder, network), teachers, recipe)

@@ -1,4 +1,4 @@
-"""Two mirrorings of one picture, averaged."""
+"""Several looks at one image, averaged."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from doorway3ds.camera.model import Camera
+from doorway3ds.errors import CallError
+from doorway3ds.networks.averaged import Averaged, Mirrored
 from doorway3ds.networks.base import COLUMNS, DEPTH, FLOOR, P_OPEN
-from doorway3ds.networks.mirrored import Mirrored
 from doorway3ds.types import ColumnVotes, Perception, RelativeDepth
 
 WIDTH, HEIGHT, STRIPS = 64, 48, 16
@@ -116,3 +117,50 @@ def test_relative_depth_keeps_the_first_looks_scale(shifted: bool) -> None:
     assert seen.relative is not None and plain.relative is not None
     assert seen.relative.shifted is shifted
     np.testing.assert_allclose(seen.relative.inverse, plain.relative.inverse, rtol=1e-5)
+
+
+@dataclass
+class Fixed(Reader):
+    """A look whose answers are given."""
+
+    p_open: float = 0.5
+    depth: float = np.nan
+    left: float = 0.0
+    score: float = 0.0
+
+    def __call__(self, image: NDArray[np.uint8], camera: Camera) -> Perception:
+        strips = np.full(STRIPS, 1.0, np.float32)
+        return Perception(
+            p_open=self.p_open,
+            columns=ColumnVotes(self.score * strips, self.left * strips, 60 * strips),
+            depth_m=np.full((HEIGHT, WIDTH), self.depth, np.float32),
+            network=self.name,
+            timings_ms={"network": 2.0},
+        )
+
+
+def test_three_networks_say_their_mean() -> None:
+    looks = [
+        Fixed("a", p_open=0.2, depth=1.0, left=10, score=0.1),
+        Fixed("b", p_open=0.8, depth=4.0, left=20, score=0.3),
+        Fixed("c", p_open=0.5, left=30, score=0.6),
+    ]
+    network = Averaged(looks)
+    assert network.name == "a and b and c"
+    seen = network(picture(), CAMERA)
+    assert seen.p_open == pytest.approx(0.5, abs=1e-6)
+    assert seen.columns is not None and seen.depth_m is not None
+    np.testing.assert_allclose(seen.columns.left_px, 25.0, atol=1e-3)  # 1 + 6 + 18
+    np.testing.assert_allclose(seen.depth_m, 2.0, rtol=1e-6)  # of the two that know
+    assert seen.floor is None and seen.columns.clear is None
+    assert seen.timings_ms == {"network": 6.0}
+
+
+def test_what_no_look_knows_stays_unknown() -> None:
+    seen = Averaged([Fixed("a"), Fixed("b")])(picture(), CAMERA)
+    assert seen.depth_m is not None and np.isnan(seen.depth_m).all()
+
+
+def test_nothing_has_no_mean() -> None:
+    with pytest.raises(CallError, match="one network or more"):
+        Averaged([])
