@@ -60,6 +60,7 @@ def test_a_session_tells_its_source_whoever_reads_it():
             session._lens._every_s = 0  # type: ignore[union-attr]
             while not session._lens.done:  # type: ignore[union-attr]
                 session.read(1)
+                time.sleep(0.01)  # a loop that never rests would keep Python's lock from the check
             assert (session.doubt is not None) == bool(lines)
         assert len(told) == lines
 

@@ -58,7 +58,7 @@ class FocalWatch:
         return self._looked >= self.MOST or len(self._found) >= self.ENOUGH
 
     def look(self, image: NDArray[np.uint8], camera: Camera) -> None:
-        """Takes an image into account, which costs about half a second, unless it is `done`.
+        """Takes an image into account, which costs a fraction of a second, unless it is `done`.
 
         image: as for `check_focal`. An assumed camera is not checked: its answers say so already.
         """
@@ -119,14 +119,16 @@ def _fit(rays: Array, weights: Array, threes: NDArray[np.int64]) -> float:
     third another one square to it.
     """
     planes = _unit(np.cross(rays[:, 0], rays[:, 1]))
-    middles = rays.mean(axis=1)
+    middles = _unit(rays.mean(axis=1))
+    across = np.cross(middles, planes)
     first = _unit(np.cross(planes[threes[:, 0]], planes[threes[:, 1]]))
     second = _unit(np.cross(first, planes[threes[:, 2]]))
     off = np.full((len(threes), len(rays)), np.inf)
     for direction in (first, second, np.cross(first, second)):
-        ideal = _unit(np.cross(direction[:, None], middles[None]))
-        cosine = np.einsum("tna,na->tn", ideal, planes)
-        off = np.minimum(off, 1 - cosine**2)
+        # Against the plane of the middle and the direction, whose normal is their cross product.
+        cosine = direction @ across.T
+        length = 1 - (direction @ middles.T) ** 2
+        off = np.minimum(off, 1 - cosine**2 / np.maximum(length, 1e-12))
     return float((np.maximum(0, 1 - off / _OFF**2) @ weights).max())
 
 
