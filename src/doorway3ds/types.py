@@ -32,7 +32,7 @@ FloatArray = NDArray[np.floating[Any]]
 # A doorway's distance is off by more than the depth of the pixels round it: by the image's scale,
 # and by taking the wrong jamb or floor's edge, too. Both measured with benchmarks/range_error.py,
 # see docs/results/distances.md.
-RANGE_PER_DEPTH_ERROR = 1.9
+RANGE_PER_DEPTH_ERROR = 1.5
 
 
 class Reason(StrEnum):

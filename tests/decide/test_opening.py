@@ -128,7 +128,7 @@ def test_range_without_wall_depth_comes_from_the_floors_end():
     assert select(view, depth_m=bare, floor=None).range_m is None
 
 
-def test_a_networks_depth_is_scaled_by_the_known_height():
+def test_a_networks_range_is_corrected_by_the_known_height():
     view = render(Room(distance=2.5), NAO, NAO_POSE)
     far = (view.depth * 1.25).astype(np.float32)
     assert select(view, depth_m=far, depth_error=0.15).range_m == pytest.approx(2.5, rel=0.05)

@@ -169,6 +169,29 @@ def test_a_small_error_of_the_pitch_is_taken_up_by_the_fit():
     assert found.clear is True
 
 
+def test_the_pose_tells_the_floor_where_a_networks_depth_bends_it():
+    view = render(Room(distance=3.0), NAO, NAO_POSE)
+    bend = np.linspace(1.3, 1.0, view.depth.shape[0])[:, None]  # the farther, the more too far
+    bent = (view.depth * bend).astype(np.float32)
+    true = select(view)
+    found = select(view, depth_m=bent, depth_error=0.15)
+    plane = found.evidence["floor_plane"]
+    assert (plane.fitted, plane.tilt_deg, plane.height_m) == (False, 0.0, 0.52)
+    assert found.floor_from_m == pytest.approx(true.floor_from_m, abs=1e-6)
+    assert found.range_m == pytest.approx(3.0, rel=0.1)
+    assert select(view, depth_m=bent).evidence["floor_plane"].fitted  # as a sensor would measure
+
+
+@pytest.mark.parametrize(("gain", "left"), [(0.8, 0.8**0.5), (1.4, 1.4**0.5), (1.6, 1.6)])
+def test_a_networks_metres_are_brought_halfway_to_the_known_height(gain, left):
+    """Beyond 0.12 and twice its error the floor is none, and the metres stand."""
+    view = render(Room(distance=3.0), NAO, NAO_POSE)
+    far = view.perception(depth_m=(view.depth * gain).astype(np.float32), depth_error=0.15)
+    true, scene = build_scene(view.perception(), view.frame()), build_scene(far, view.frame())
+    ratio = (scene.x - scene.lens[0]) / (true.x - true.lens[0])
+    assert np.nanmedian(ratio) == pytest.approx(left, rel=1e-3)
+
+
 def test_limits_grow_with_a_networks_error():
     low = render(Room(boxes=(cube(0.1, 1.6, 0.0),)), NAO, NAO_POSE)
     tall = render(Room(boxes=(cube(0.45, 1.6, 0.0),)), NAO, NAO_POSE)

@@ -1,8 +1,11 @@
 """The floor: a robust plane through what is floor, and the scene as it stands on that plane.
 
-A plane that does not pass through the lens is q . m = 1 for points q counted from the lens.
-Along one ray the residual q . m - 1 is the relative error of the depth, so the fit weighs near
-and far floor as a depth network errs.
+With true depth, or where the pose is unknown, it is fitted. A plane that does not pass through the
+lens is q . m = 1 for points q counted from the lens. Along one ray the residual q . m - 1 is the
+relative error of the depth, so the fit weighs near and far floor as a depth network errs.
+
+Where the pose is known and the depth is a network's, the pose alone tells the floor: networks bend
+it by more than a robot errs about its head.
 """
 
 from __future__ import annotations
@@ -13,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from doorway3ds.camera.model import Array, Pose, grid_pixels, grid_rays, rotation
+from doorway3ds.camera.model import Array, grid_pixels, grid_rays, rotation
 from doorway3ds.types import Frame, Perception
 
 Mask = NDArray[np.bool_]
@@ -28,8 +31,9 @@ class FloorParams:
     min_share: of all pixels that must be floor before a plane is fitted.
     inlier: relative depth error within which a point lies on a plane (true depth); grows by
         inlier_gain times the network's depth error.
-    max_tilt_deg, max_height_error: how far a fit may disagree with a known pose; both grow by
-        the depth error (radians, relative).
+    max_tilt_deg, max_height_error: how far a fit to true depth may disagree with a known pose.
+    max_scale_error: how far a network's metres may disagree with a known height, twice the depth
+        error added, and still be halfway corrected by it.
     free_tilt_deg: how far it may lean where the pose is unknown (a hand-held camera).
     """
 
@@ -40,6 +44,7 @@ class FloorParams:
     inlier_gain: float = 0.5
     max_tilt_deg: float = 6.0
     max_height_error: float = 0.12
+    max_scale_error: float = 0.12
     free_tilt_deg: float = 35.0
 
 
@@ -90,8 +95,8 @@ def build_scene(
 ) -> Scene | None:
     """The scene of a perception with depth, standing on its floor; None without depth.
 
-    Where the camera's height is known and the depth comes from a network, depth is rescaled so
-    that the fitted floor lies at that height.
+    Where the camera's height is known and the depth comes from a network, depth is scaled halfway
+    to where its floor would lie at that height: either alone errs more.
     """
     if perception.depth_m is None:
         return None
@@ -106,15 +111,18 @@ def build_scene(
     if perception.floor is not None:
         floor = floor_mask(perception.floor, rows, columns, (height, width), params)
 
-    pose_turn = rotation(frame.pose)
-    plane = _find_plane(rays, depth, floor, pose_turn, frame.pose, perception.depth_error, params)
-    turn, lens_height, scale = pose_turn, 0.0, 1.0
+    turn, known = rotation(frame.pose), None
+    if frame.pose.height_m is not None:
+        known = FloorPlane((0.0, 0.0, 1.0), frame.pose.height_m, 0.0, False, 0.0)
+    plane, scale = known, 1.0
+    q = _floor_points(rays, depth, floor, turn, known, perception.depth_error, params)
+    if q is not None and known is not None and perception.depth_error > 0:
+        scale = _scale(q, known.height_m, perception.depth_error, params)
+    elif q is not None:
+        plane = _fit(q, known, perception.depth_error, params) or known
     if plane is not None:
-        turn = _upright(np.array(plane.normal)) @ pose_turn
-        lens_height = plane.height_m
-        if perception.depth_error > 0 and plane.fitted and frame.pose.height_m:
-            scale = frame.pose.height_m / plane.height_m
-            lens_height = frame.pose.height_m
+        turn = _upright(np.array(plane.normal)) @ turn
+    lens_height = 0.0 if plane is None else plane.height_m
     lens = np.array([frame.pose.forward_m, frame.pose.left_m, lens_height])
     # Planes of x, y, z rather than rows of points: numpy works along memory.
     directions = (turn @ rays.reshape(-1, 3).T).reshape(3, *depth.shape)
@@ -160,19 +168,16 @@ def _upright(normal: Array) -> Array:
     return np.array([[1 - k * x * x, -k * x * y, -x], [-k * x * y, 1 - k * y * y, -y], [x, y, z]])
 
 
-def _find_plane(
+def _floor_points(
     rays: Array,
     depth: Array,
     floor: Mask | None,
     turn: Array,
-    pose: Pose,
+    known: FloorPlane | None,
     depth_error: float,
     params: FloorParams,
-) -> FloorPlane | None:
-    """The fitted plane if it can be believed, else the pose's, else None."""
-    known = None
-    if pose.height_m is not None:
-        known = FloorPlane((0.0, 0.0, 1.0), pose.height_m, 0.0, False, 0.0)
+) -> Array | None:
+    """(n, 3) points of the floor, counted from the lens in the pose's axes; None if too few."""
     seen = np.isfinite(depth)
     if floor is not None:
         seen &= floor
@@ -183,13 +188,19 @@ def _find_plane(
     else:
         return None
     if np.count_nonzero(seen) < max(12, params.min_share * seen.size):
-        return known
+        return None
     rows, columns = np.nonzero(seen)
     thin = slice(None, None, max(1, rows.size // 800))
     rows, columns = rows[thin], columns[thin]
-    q = (rays[rows, columns] * depth[rows, columns, None]) @ turn.T
-    fitted = _fit(q, known, depth_error, params)
-    return fitted or known
+    return np.asarray((rays[rows, columns] * depth[rows, columns, None]) @ turn.T)
+
+
+def _scale(q: Array, height_m: float, depth_error: float, params: FloorParams) -> float:
+    """What to multiply a network's depth by, from its floor points (n, 3)."""
+    found = float(np.median(-q[:, 2])) / height_m
+    if abs(found - 1) > params.max_scale_error + 2 * depth_error:
+        return 1.0
+    return 1 / math.sqrt(found)
 
 
 def _fit(
@@ -197,9 +208,7 @@ def _fit(
 ) -> FloorPlane | None:
     """Plane through most of the points q (n, 3), which count from the lens in robot axes."""
     tolerance = params.inlier + params.inlier_gain * depth_error
-    max_tilt = params.free_tilt_deg
-    if known is not None:
-        max_tilt = params.max_tilt_deg + math.degrees(depth_error)
+    max_tilt = params.free_tilt_deg if known is None else params.max_tilt_deg
 
     rng = np.random.default_rng(0)  # fixed: the same image gives the same plane
     triples = q[rng.integers(0, len(q), (48, 3))]
@@ -209,7 +218,7 @@ def _fit(
         usable = (-guesses[:, 2] / norm > math.cos(math.radians(max_tilt))) & (norm < 100)
         if known is not None:
             too_far = np.abs(1 / (norm * known.height_m) - 1)
-            usable &= too_far < params.max_height_error + 2 * depth_error
+            usable &= too_far < params.max_height_error
     if known is not None:
         guesses = np.vstack([guesses[usable], [[0.0, 0.0, -1 / known.height_m]]])
     else:
@@ -240,10 +249,8 @@ def _fit(
     share = float(np.count_nonzero(inliers) / len(q))
     if normal[2] <= 0 or tilt > max_tilt or share < 0.3:
         return None
-    if known is not None:
-        off = abs(height / known.height_m - 1)
-        if off > params.max_height_error + 2 * depth_error:
-            return None
+    if known is not None and abs(height / known.height_m - 1) > params.max_height_error:
+        return None
     nx, ny, nz = (float(v) for v in normal)
     return FloorPlane((nx, ny, nz), height, tilt, True, share)
 
