@@ -182,14 +182,25 @@ def test_the_pose_tells_the_floor_where_a_networks_depth_bends_it():
     assert select(view, depth_m=bent).evidence["floor_plane"].fitted  # as a sensor would measure
 
 
-@pytest.mark.parametrize(("gain", "left"), [(0.8, 0.8**0.5), (1.4, 1.4**0.5), (1.6, 1.6)])
+@pytest.mark.parametrize(
+    ("gain", "left"), [(0.6, 0.6), (0.8, 0.8**0.5), (1.4, 1.4**0.5), (1.6, 1.6)]
+)
 def test_a_networks_metres_are_brought_halfway_to_the_known_height(gain, left):
-    """Beyond 0.12 and twice its error the floor is none, and the metres stand."""
+    """Beyond a factor of 1.12 and twice its error the floor is none, and the metres stand."""
     view = render(Room(distance=3.0), NAO, NAO_POSE)
     far = view.perception(depth_m=(view.depth * gain).astype(np.float32), depth_error=0.15)
     true, scene = build_scene(view.perception(), view.frame()), build_scene(far, view.frame())
     ratio = (scene.x - scene.lens[0]) / (true.x - true.lens[0])
     assert np.nanmedian(ratio) == pytest.approx(left, rel=1e-3)
+
+
+def test_a_floor_that_hangs_above_the_lens_scales_nothing():
+    view = render(Room(distance=3.0), NAO, NAO_POSE)
+    above = (view.points[..., 2] > 0.6) & np.isfinite(view.depth)
+    seen = view.perception(floor=above.astype(np.float32), depth_error=0.8)
+    scene = build_scene(seen, view.frame())
+    true = build_scene(view.perception(), view.frame())
+    np.testing.assert_allclose(scene.x, true.x, rtol=1e-6)
 
 
 def test_limits_grow_with_a_networks_error():

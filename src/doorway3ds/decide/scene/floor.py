@@ -198,9 +198,8 @@ def _floor_points(
 def _scale(q: Array, height_m: float, depth_error: float, params: FloorParams) -> float:
     """What to multiply a network's depth by, from its floor points (n, 3)."""
     found = float(np.median(-q[:, 2])) / height_m
-    if abs(found - 1) > params.max_scale_error + 2 * depth_error:
-        return 1.0
-    return 1 / math.sqrt(found)
+    most = 1 + params.max_scale_error + 2 * depth_error
+    return 1 / math.sqrt(found) if 1 / most <= found <= most else 1.0
 
 
 def _fit(
