@@ -111,15 +111,16 @@ def build_scene(
     if perception.floor is not None:
         floor = floor_mask(perception.floor, rows, columns, (height, width), params)
 
-    turn, known = rotation(frame.pose), None
-    if frame.pose.height_m is not None:
-        known = FloorPlane((0.0, 0.0, 1.0), frame.pose.height_m, 0.0, False, 0.0)
-    plane, scale = known, 1.0
-    q = _floor_points(rays, depth, floor, turn, known, perception.depth_error, params)
-    if q is not None and known is not None and perception.depth_error > 0:
-        scale = _scale(q, known.height_m, perception.depth_error, params)
+    turn, height_m, error = rotation(frame.pose), frame.pose.height_m, perception.depth_error
+    plane: FloorPlane | None = None
+    scale = 1.0
+    q = _floor_points(rays, depth, floor, turn, height_m, error, params)
+    if q is not None and height_m is not None and error > 0:
+        scale = _scale(q, height_m, error, params)
     elif q is not None:
-        plane = _fit(q, known, perception.depth_error, params) or known
+        plane = _fit(q, height_m, error, params)
+    if plane is None and height_m is not None:
+        plane = FloorPlane((0.0, 0.0, 1.0), height_m, 0.0, False, 0.0)
     if plane is not None:
         turn = _upright(np.array(plane.normal)) @ turn
     lens_height = 0.0 if plane is None else plane.height_m
@@ -139,8 +140,8 @@ def build_scene(
         turn=turn,
         lens=lens,
         plane=plane,
-        height_known=frame.pose.height_m is not None,
-        depth_error=perception.depth_error,
+        height_known=height_m is not None,
+        depth_error=error,
     )
 
 
@@ -173,7 +174,7 @@ def _floor_points(
     depth: Array,
     floor: Mask | None,
     turn: Array,
-    known: FloorPlane | None,
+    height_m: float | None,
     depth_error: float,
     params: FloorParams,
 ) -> Array | None:
@@ -181,10 +182,10 @@ def _floor_points(
     seen = np.isfinite(depth)
     if floor is not None:
         seen &= floor
-    elif known is not None:
+    elif height_m is not None:
         # Without a mask only what lies near the known floor can be floor.
-        above = (rays @ turn[2]) * np.where(seen, depth, 0.0) + known.height_m
-        seen &= np.abs(above) < (0.1 + 2 * depth_error) * known.height_m
+        above = (rays @ turn[2]) * np.where(seen, depth, 0.0) + height_m
+        seen &= np.abs(above) < (0.1 + 2 * depth_error) * height_m
     else:
         return None
     if np.count_nonzero(seen) < max(12, params.min_share * seen.size):
@@ -203,11 +204,11 @@ def _scale(q: Array, height_m: float, depth_error: float, params: FloorParams) -
 
 
 def _fit(
-    q: Array, known: FloorPlane | None, depth_error: float, params: FloorParams
+    q: Array, height_m: float | None, depth_error: float, params: FloorParams
 ) -> FloorPlane | None:
     """Plane through most of the points q (n, 3), which count from the lens in robot axes."""
     tolerance = params.inlier + params.inlier_gain * depth_error
-    max_tilt = params.free_tilt_deg if known is None else params.max_tilt_deg
+    max_tilt = params.free_tilt_deg if height_m is None else params.max_tilt_deg
 
     rng = np.random.default_rng(0)  # fixed: the same image gives the same plane
     triples = q[rng.integers(0, len(q), (48, 3))]
@@ -215,11 +216,11 @@ def _fit(
     norm = np.linalg.norm(guesses, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         usable = (-guesses[:, 2] / norm > math.cos(math.radians(max_tilt))) & (norm < 100)
-        if known is not None:
-            too_far = np.abs(1 / (norm * known.height_m) - 1)
+        if height_m is not None:
+            too_far = np.abs(1 / (norm * height_m) - 1)
             usable &= too_far < params.max_height_error
-    if known is not None:
-        guesses = np.vstack([guesses[usable], [[0.0, 0.0, -1 / known.height_m]]])
+    if height_m is not None:
+        guesses = np.vstack([guesses[usable], [[0.0, 0.0, -1 / height_m]]])
     else:
         guesses = guesses[usable]
     if len(guesses) == 0:
@@ -248,7 +249,7 @@ def _fit(
     share = float(np.count_nonzero(inliers) / len(q))
     if normal[2] <= 0 or tilt > max_tilt or share < 0.3:
         return None
-    if known is not None and abs(height / known.height_m - 1) > params.max_height_error:
+    if height_m is not None and abs(height / height_m - 1) > params.max_height_error:
         return None
     nx, ny, nz = (float(v) for v in normal)
     return FloorPlane((nx, ny, nz), height, tilt, True, share)
